@@ -1,0 +1,205 @@
+//! Ambient occlusion and sun visibility at a point, by many rays against a [`Scene`]: the CPU twin of the frame's trace
+//! pass, and the estimator for anything that is not a pixel (light probes, gameplay).
+
+pub mod sampling;
+
+use glam::{DVec3, Vec3};
+
+use crate::field::VisibilityField;
+use crate::field::query::Bias;
+use crate::scene::{Placement, Scene};
+use sampling::{DiscBasis, disc_samples, sphere_samples};
+
+/// A surface point that gets occlusion and shadows.
+///
+/// ```
+/// use glam::{DVec3, Vec3};
+/// let ground = visfield::estimate::Receiver { position: DVec3::ZERO, normal: Vec3::Y };
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Receiver {
+    /// Where it is, in the world.
+    pub position: DVec3,
+    /// Its unit normal.
+    pub normal: Vec3,
+}
+
+/// How ambient occlusion is estimated.
+///
+/// ```
+/// use visfield::estimate::AmbientOcclusion;
+/// let nearby = AmbientOcclusion { max_distance: 2.0, ..AmbientOcclusion::default() };
+/// assert_eq!(nearby.rays, 64);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AmbientOcclusion {
+    /// Rays over the hemisphere, cosine-distributed, at least 1.
+    pub rays: u32,
+    /// Hits beyond this distance, in world units, do not count. Infinity counts all.
+    pub max_distance: f32,
+    /// How near to the receiver hits do not count.
+    pub bias: Bias,
+}
+
+impl Default for AmbientOcclusion {
+    fn default() -> Self {
+        Self { rays: 64, max_distance: f32::INFINITY, bias: Bias::default() }
+    }
+}
+
+/// How a directional light's soft shadow is estimated.
+///
+/// ```
+/// use visfield::estimate::DirectionalShadow;
+/// let sun = DirectionalShadow::new(glam::Vec3::Y, 0.00465);
+/// assert_eq!(sun.rays, 64);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DirectionalShadow {
+    /// Unit vector towards the light.
+    pub to_light: Vec3,
+    /// Half of the angle that the light's disc covers in the sky, in radians, 0 to below π/2. The sun's is 0.00465.
+    pub angular_radius: f32,
+    /// Rays over the disc, at least 1.
+    pub rays: u32,
+    /// How near to the receiver hits do not count.
+    pub bias: Bias,
+}
+
+impl DirectionalShadow {
+    /// A light with the default number of rays and bias.
+    pub fn new(to_light: Vec3, angular_radius: f32) -> Self {
+        Self { to_light, angular_radius, rays: 64, bias: Bias::default() }
+    }
+}
+
+/// The cosine-weighted fraction of the receiver's hemisphere that is occluded, in [0, 1] (2010, §2.1, as occlusion).
+pub fn ambient_occlusion(scene: &Scene, receiver: &Receiver, settings: &AmbientOcclusion) -> f32 {
+    let placements = scene.place(receiver.position);
+    let rays = settings.rays.max(1);
+    let occluded = sphere_samples(rays)
+        .into_iter()
+        .filter(|&sample| {
+            let direction = cosine_direction(receiver.normal, sample);
+            occluded(&placements, receiver.normal, direction, settings.max_distance, settings.bias)
+        })
+        .count();
+    occluded as f32 / rays as f32
+}
+
+/// The fraction of the light's disc that the receiver sees, in [0, 1]; 1 for receivers that face away, which the light's
+/// own cosine already leaves dark.
+pub fn directional_visibility(scene: &Scene, receiver: &Receiver, light: &DirectionalShadow) -> f32 {
+    let placements = scene.place(receiver.position);
+    let rays = light.rays.max(1);
+    let basis = DiscBasis::new(light.to_light, light.angular_radius);
+    let occluded = disc_samples(rays)
+        .into_iter()
+        .filter(|&sample| {
+            let direction = basis.direction(sample);
+            occluded(&placements, receiver.normal, direction, f32::INFINITY, light.bias)
+        })
+        .count();
+    1.0 - occluded as f32 / rays as f32
+}
+
+/// A direction of the hemisphere around `normal`, cosine-distributed if `sample` is uniform on the unit sphere: the
+/// tangent sphere's points seen from the surface. Needs no tangent frame.
+#[inline]
+pub fn cosine_direction(normal: Vec3, sample: Vec3) -> Vec3 {
+    let direction = normal + sample;
+    let squared = direction.dot(direction);
+    // The one sample opposite to the normal has no direction of its own.
+    if squared > 1.0e-8 { direction / squared.sqrt() } else { normal }
+}
+
+/// Whether any placement blocks the ray from the receiver, which is at the placements' origin.
+fn occluded(
+    placements: &[(Placement, &VisibilityField)],
+    normal: Vec3,
+    direction: Vec3,
+    t_max: f32,
+    bias: Bias,
+) -> bool {
+    let cosine = normal.dot(direction);
+    placements.iter().any(|(placement, field)| {
+        let origin = Vec3::from(placement.field_from_world.translation);
+        let along = placement.field_from_world.transform_vector3(direction);
+        field.occluded(origin, along, t_max, cosine, bias)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::ball_field;
+    use crate::scene::Instance;
+    use glam::{DAffine3, DQuat, dvec3};
+
+    fn ball_above_ground(height: f64) -> Scene {
+        let mut scene = Scene::default();
+        let ball = scene.add_field(ball_field(0.9, 65, 32));
+        scene.instances.push(Instance::new(ball, DAffine3::from_translation(dvec3(0.0, height, 0.0))));
+        scene
+    }
+
+    const GROUND: Receiver = Receiver { position: DVec3::ZERO, normal: Vec3::Y };
+
+    #[test]
+    fn a_ball_overhead_occludes_its_solid_angle() {
+        // A sphere of radius r straight above at height h covers r²/h² of the cosine-weighted hemisphere.
+        for height in [1.5, 2.0, 4.0] {
+            let settings = AmbientOcclusion { rays: 4096, ..AmbientOcclusion::default() };
+            let occlusion = ambient_occlusion(&ball_above_ground(height), &GROUND, &settings);
+            let exact = (0.9 * 0.9 / (height * height)) as f32;
+            assert!((occlusion - exact).abs() < 0.01, "height {height}: {occlusion}, exactly {exact}");
+        }
+    }
+
+    #[test]
+    fn max_distance_forgets_what_is_beyond() {
+        let near = AmbientOcclusion { max_distance: 0.5, ..AmbientOcclusion::default() };
+        assert_eq!(ambient_occlusion(&ball_above_ground(2.0), &GROUND, &near), 0.0);
+        assert!(ambient_occlusion(&ball_above_ground(1.2), &GROUND, &near) > 0.2);
+    }
+
+    #[test]
+    fn a_disc_behind_a_ball_has_a_penumbra() {
+        let scene = ball_above_ground(4.0);
+        let visibility = |x: f64, angular_radius: f32| {
+            let receiver = Receiver { position: dvec3(x, 0.0, 0.0), normal: Vec3::Y };
+            directional_visibility(&scene, &receiver, &DirectionalShadow::new(Vec3::Y, angular_radius))
+        };
+        assert_eq!(visibility(0.0, 0.1), 0.0, "umbra");
+        assert!((0.2..0.8).contains(&visibility(0.9, 0.1)), "penumbra: {}", visibility(0.9, 0.1));
+        assert_eq!(visibility(2.0, 0.1), 1.0, "lit");
+    }
+
+    #[test]
+    fn a_convex_surface_does_not_shadow_itself() {
+        let scene = ball_above_ground(0.0);
+        let mut sum = 0.0;
+        let points = sphere_samples(200);
+        for point in &points {
+            let receiver = Receiver { position: (*point * 0.9).as_dvec3(), normal: *point };
+            sum += ambient_occlusion(&scene, &receiver, &AmbientOcclusion::default());
+        }
+        assert!(sum / 200.0 < 0.01, "mean self-occlusion of a ball: {}", sum / 200.0);
+    }
+
+    #[test]
+    fn rigid_motion_of_everything_changes_little() {
+        let still = ball_above_ground(1.6);
+        let settings = AmbientOcclusion { rays: 1024, ..AmbientOcclusion::default() };
+        let expected = ambient_occlusion(&still, &GROUND, &settings);
+        let motion = DAffine3::from_rotation_translation(DQuat::from_rotation_z(0.7), dvec3(1e6, 5.0, -3.0));
+        let mut moved = still.clone();
+        moved.instances[0].world_from_mesh = motion * still.instances[0].world_from_mesh;
+        let receiver = Receiver {
+            position: motion.transform_point3(DVec3::ZERO),
+            normal: motion.transform_vector3(DVec3::Y).as_vec3(),
+        };
+        let occlusion = ambient_occlusion(&moved, &receiver, &settings);
+        assert!((occlusion - expected).abs() < 0.015, "{occlusion} after the motion, {expected} before");
+    }
+}

@@ -1,0 +1,134 @@
+//! Sample patterns: points of the sphere and of the disc, and how pixels share them.
+//!
+//! The frame's trace pass reads these patterns from a buffer, so that the GPU needs no trigonometry per ray.
+
+use std::f32::consts::TAU;
+
+use glam::{Vec2, Vec3, vec2, vec3};
+
+/// Side of the square of pixels that share one pattern. Each of its pixels takes every sixteenth sample; the denoiser
+/// averages the square, and so sees them all (interleaved sampling, Keller & Heidrich 2001).
+pub const INTERLEAVE: u32 = 4;
+
+/// Fraction of a turn from one sample to the next: the golden angle, which keeps every run of samples well spread.
+const GOLDEN: f64 = 0.618_033_988_749_894_8;
+
+/// `count` points spread evenly over the unit sphere: a Fibonacci lattice (González, *Measurement of Areas on a Sphere
+/// Using Fibonacci and Latitude–Longitude Lattices*, 2010).
+///
+/// ```
+/// let points = visfield::estimate::sampling::sphere_samples(128);
+/// let mean: glam::Vec3 = points.iter().sum::<glam::Vec3>() / 128.0;
+/// assert!(mean.length() < 0.02);
+/// ```
+pub fn sphere_samples(count: u32) -> Vec<Vec3> {
+    (0..count)
+        .map(|i| {
+            let z = 1.0 - (2.0 * i as f32 + 1.0) / count as f32;
+            let (sin, cos) = (golden_turn(i) * TAU).sin_cos();
+            let radius = (1.0 - z * z).sqrt();
+            vec3(radius * cos, radius * sin, z)
+        })
+        .collect()
+}
+
+/// `count` points spread evenly over the unit disc: Vogel's spiral (*A Better Way to Construct the Sunflower Head*, 1979).
+///
+/// ```
+/// assert!(visfield::estimate::sampling::disc_samples(64).iter().all(|p| p.length() < 1.0));
+/// ```
+pub fn disc_samples(count: u32) -> Vec<Vec2> {
+    (0..count)
+        .map(|i| {
+            let radius = ((i as f32 + 0.5) / count as f32).sqrt();
+            let (sin, cos) = (golden_turn(i) * TAU).sin_cos();
+            vec2(radius * cos, radius * sin)
+        })
+        .collect()
+}
+
+/// Which of the shared pattern's residues a pixel takes, 0…15: the bits of the 4×4 Bayer matrix, so that neighbours take
+/// samples that are far apart.
+///
+/// ```
+/// use visfield::estimate::sampling::interleave_index;
+/// assert_ne!(interleave_index(0, 0), interleave_index(1, 0));
+/// assert_eq!(interleave_index(0, 0), interleave_index(4, 8));
+/// ```
+#[inline]
+pub fn interleave_index(x: u32, y: u32) -> u32 {
+    let diagonal = x ^ y;
+    ((diagonal & 1) << 3) | ((y & 1) << 2) | (diagonal & 2) | ((y & 2) >> 1)
+}
+
+/// The directions towards a light's disc: the light's axis and two scaled tangents.
+///
+/// ```
+/// use glam::{Vec2, Vec3};
+/// let basis = visfield::estimate::sampling::DiscBasis::new(Vec3::Y, 0.1);
+/// assert_eq!(basis.direction(Vec2::ZERO), Vec3::Y);
+/// assert!((basis.direction(Vec2::X).angle_between(Vec3::Y) - 0.1).abs() < 1e-5);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DiscBasis {
+    /// Unit vector towards the disc's centre.
+    pub axis: Vec3,
+    /// Tangent of the disc, as long as its radius at distance 1.
+    pub tangent: Vec3,
+    /// The other tangent, as long.
+    pub bitangent: Vec3,
+}
+
+impl DiscBasis {
+    /// The disc around `axis` (a unit vector) with the given angular radius in radians, 0 to below π/2.
+    pub fn new(axis: Vec3, angular_radius: f32) -> Self {
+        let (tangent, bitangent) = axis.any_orthonormal_pair();
+        let radius = angular_radius.tan();
+        Self { axis, tangent: tangent * radius, bitangent: bitangent * radius }
+    }
+
+    /// The unit direction to a point of the disc, given as a point of the unit disc.
+    #[inline]
+    pub fn direction(&self, sample: Vec2) -> Vec3 {
+        (self.axis + self.tangent * sample.x + self.bitangent * sample.y).normalize()
+    }
+}
+
+fn golden_turn(i: u32) -> f32 {
+    // In f64: the product loses its fraction in f32 from a few thousand samples on.
+    (f64::from(i) * GOLDEN).fract() as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_pixel_of_a_square_takes_another_residue() {
+        let mut seen = [false; 16];
+        for y in 0..INTERLEAVE {
+            for x in 0..INTERLEAVE {
+                seen[interleave_index(x, y) as usize] = true;
+            }
+        }
+        assert_eq!(seen, [true; 16]);
+    }
+
+    #[test]
+    fn interleaved_subsets_are_even_too() {
+        // Every pixel's own 8 of 128 samples must already estimate a half-space well.
+        let samples = sphere_samples(128);
+        for residue in 0..16 {
+            let own = samples.iter().skip(residue).step_by(16);
+            let above = own.clone().filter(|p| p.x > 0.0).count();
+            assert!((2..=6).contains(&above), "residue {residue}: {above} of 8 to one side");
+            assert_eq!(own.filter(|p| p.z > 0.0).count(), 4);
+        }
+    }
+
+    #[test]
+    fn disc_samples_are_uniform() {
+        let inner = disc_samples(1000).iter().filter(|p| p.length() < 0.5).count();
+        assert_eq!(inner, 250);
+    }
+}

@@ -1,0 +1,371 @@
+//! The `.vfield` file: every field of one source file, compressed without loss.
+//!
+//! | bytes | content |
+//! | --- | --- |
+//! | 8 | magic, [`MAGIC`] |
+//! | 4 | format version, `u32` little-endian, [`VERSION`] |
+//! | 4 | length of the index, `u32` little-endian, at most [`MAX_INDEX_BYTES`] |
+//! | 4 | CRC-32 of everything after this number |
+//! | … | the index: JSON, for each field its [`FieldHeader`] and the length of its compressed table |
+//! | … | the tables, one zlib stream each, in the index's order |
+//!
+//! Files are untrusted: every length is checked against the bytes that are there before anything is allocated for it.
+
+use std::fs;
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+
+use flate2::{Compression, read::ZlibDecoder, write::ZlibEncoder};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::field::{FieldError, FieldHeader, VisibilityField};
+
+/// The first bytes of every `.vfield` file. The leading non-ASCII byte and the line break expose text-mode transfers.
+pub const MAGIC: [u8; 8] = *b"\x89VFIELD\n";
+/// The format version that this build reads and writes.
+pub const VERSION: u32 = 1;
+/// Largest index that is accepted, in bytes: room for thousands of fields.
+pub const MAX_INDEX_BYTES: u32 = 1 << 20;
+
+/// Deflate cannot expand more than this (RFC 1951: a 258-byte match takes at least two bits), so a table that claims more
+/// than this times its compressed size is a lie.
+const MAX_EXPANSION: u64 = 1032;
+const PREAMBLE_BYTES: usize = 20;
+
+/// Why a `.vfield` file cannot be read.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum DecodeError {
+    /// The file does not start with [`MAGIC`].
+    #[error("this is not a .vfield file; bake one with `visfield bake MESH`")]
+    NotAField,
+    /// The file was written by another format version.
+    #[error("format version {found} is not the version {VERSION} that this build reads; bake the mesh again")]
+    Version {
+        /// The version in the file.
+        found: u32,
+    },
+    /// The file ends early, or a length in it exceeds what follows.
+    #[error("the file is cut short: {expected} bytes of {what} expected, {found} found; copy or bake it again")]
+    Truncated {
+        /// What was being read.
+        what: &'static str,
+        /// Bytes that should be there.
+        expected: u64,
+        /// Bytes that are there.
+        found: u64,
+    },
+    /// The file is longer than its index says.
+    #[error("{extra} unexpected bytes follow the last table; copy or bake the file again")]
+    TrailingBytes {
+        /// Bytes left over.
+        extra: u64,
+    },
+    /// The content is not what was written.
+    #[error("the checksum does not match: the file is damaged; copy or bake it again")]
+    Checksum,
+    /// The index is larger than [`MAX_INDEX_BYTES`].
+    #[error("an index of {bytes} bytes is over the limit of {MAX_INDEX_BYTES}")]
+    IndexTooLarge {
+        /// The size claimed, in bytes.
+        bytes: u32,
+    },
+    /// The index is not valid.
+    #[error("the index cannot be read: {0}")]
+    Index(#[from] serde_json::Error),
+    /// A field's header is out of range, or its table has another length.
+    #[error("field `{name}`: {source}")]
+    Field {
+        /// The field's name.
+        name: String,
+        /// What is wrong with it.
+        source: FieldError,
+    },
+    /// A table does not decompress to the length that its header says.
+    #[error("the table of field `{name}` does not decompress to its {expected} bytes; bake the mesh again")]
+    Table {
+        /// The field's name.
+        name: String,
+        /// Bytes that its header asks for.
+        expected: u64,
+    },
+}
+
+/// Why a `.vfield` file on disk cannot be read or written.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum FileError {
+    /// The operating system refused.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The content cannot be decoded.
+    #[error("{path}: {source}")]
+    Decode {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with its content.
+        source: DecodeError,
+    },
+}
+
+#[derive(Serialize, Deserialize)]
+struct IndexEntry {
+    #[serde(flatten)]
+    header: FieldHeader,
+    compressed_bytes: u64,
+}
+
+/// Encodes fields as one file.
+///
+/// ```
+/// # let field = visfield::field::example_field();
+/// let bytes = visfield::file::encode(std::slice::from_ref(&field));
+/// assert_eq!(visfield::file::decode(&bytes).unwrap(), [field]);
+/// ```
+///
+/// # Panics
+/// Never: writing to memory cannot fail, and headers always serialise.
+pub fn encode(fields: &[VisibilityField]) -> Vec<u8> {
+    let tables: Vec<Vec<u8>> = fields.iter().map(|field| compress(field.table())).collect();
+    let index: Vec<IndexEntry> = fields
+        .iter()
+        .zip(&tables)
+        .map(|(field, table)| IndexEntry { header: field.header().clone(), compressed_bytes: table.len() as u64 })
+        .collect();
+    let index = serde_json::to_vec(&index).expect("headers are plain data");
+
+    let mut content = index.clone();
+    tables.iter().for_each(|table| content.extend_from_slice(table));
+    let mut file = Vec::with_capacity(PREAMBLE_BYTES + content.len());
+    file.extend_from_slice(&MAGIC);
+    file.extend_from_slice(&VERSION.to_le_bytes());
+    file.extend_from_slice(&(index.len() as u32).to_le_bytes());
+    file.extend_from_slice(&crc32fast::hash(&content).to_le_bytes());
+    file.extend_from_slice(&content);
+    file
+}
+
+/// Decodes a file's fields.
+///
+/// # Errors
+/// [`DecodeError`] for anything that [`encode`] would not have written. Hostile bytes neither panic nor allocate more than
+/// [their size justifies](MAX_INDEX_BYTES).
+pub fn decode(bytes: &[u8]) -> Result<Vec<VisibilityField>, DecodeError> {
+    let mut rest = bytes;
+    if take(&mut rest, 8, "magic").map_err(|_| DecodeError::NotAField)? != MAGIC {
+        return Err(DecodeError::NotAField);
+    }
+    let version = take_u32(&mut rest, "version")?;
+    if version != VERSION {
+        return Err(DecodeError::Version { found: version });
+    }
+    let index_bytes = take_u32(&mut rest, "index length")?;
+    if index_bytes > MAX_INDEX_BYTES {
+        return Err(DecodeError::IndexTooLarge { bytes: index_bytes });
+    }
+    let checksum = take_u32(&mut rest, "checksum")?;
+    // A cut file is the commonest damage; say so before the checksum merely says "damaged".
+    let content = rest;
+    let index = take(&mut rest, u64::from(index_bytes), "index")?;
+    let damaged = crc32fast::hash(content) != checksum;
+    let entries: Vec<IndexEntry> = match serde_json::from_slice(index) {
+        Ok(entries) => entries,
+        Err(_) if damaged => return Err(DecodeError::Checksum),
+        Err(error) => return Err(error.into()),
+    };
+    let tables =
+        entries.iter().map(|entry| take(&mut rest, entry.compressed_bytes, "tables")).collect::<Result<Vec<_>, _>>()?;
+    if !rest.is_empty() {
+        return Err(DecodeError::TrailingBytes { extra: rest.len() as u64 });
+    }
+    if damaged {
+        return Err(DecodeError::Checksum);
+    }
+    entries.into_iter().zip(tables).map(|(entry, table)| decode_field(entry.header, table)).collect()
+}
+
+/// Writes fields to `path`, atomically: the file is complete or, on failure, as it was before.
+///
+/// # Errors
+/// [`FileError::Io`] if the folder cannot be written to.
+pub fn write(path: &Path, fields: &[VisibilityField]) -> Result<(), FileError> {
+    let io_error = |source| FileError::Io { path: path.to_owned(), source };
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    let mut builder = tempfile::Builder::new();
+    // A temporary file is private by default; an asset is meant to be read by others.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
+    let mut temporary = builder.tempfile_in(folder).map_err(io_error)?;
+    temporary.write_all(&encode(fields)).map_err(io_error)?;
+    temporary.as_file().sync_all().map_err(io_error)?;
+    temporary.persist(path).map_err(|error| io_error(error.error))?;
+    Ok(())
+}
+
+/// Reads the fields of the file at `path`.
+///
+/// # Errors
+/// [`FileError`] if the file cannot be read or decoded.
+pub fn read(path: &Path) -> Result<Vec<VisibilityField>, FileError> {
+    let bytes = fs::read(path).map_err(|source| FileError::Io { path: path.to_owned(), source })?;
+    decode(&bytes).map_err(|source| FileError::Decode { path: path.to_owned(), source })
+}
+
+fn decode_field(header: FieldHeader, compressed: &[u8]) -> Result<VisibilityField, DecodeError> {
+    let in_field = |source| DecodeError::Field { name: header.name.clone(), source };
+    header.validate().map_err(in_field)?;
+    let expected = header.table_bytes();
+    let wrong_table = || DecodeError::Table { name: header.name.clone(), expected };
+    if expected > compressed.len() as u64 * MAX_EXPANSION {
+        return Err(wrong_table());
+    }
+    let mut table = Vec::with_capacity(expected as usize);
+    // One byte more than expected, so that a longer stream shows.
+    ZlibDecoder::new(compressed).take(expected + 1).read_to_end(&mut table).map_err(|_| wrong_table())?;
+    if table.len() as u64 != expected {
+        return Err(wrong_table());
+    }
+    VisibilityField::new(header.clone(), table).map_err(in_field)
+}
+
+fn compress(table: &[u8]) -> Vec<u8> {
+    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
+    encoder.write_all(table).and_then(|()| encoder.finish()).expect("writing to memory cannot fail")
+}
+
+fn take<'a>(rest: &mut &'a [u8], count: u64, what: &'static str) -> Result<&'a [u8], DecodeError> {
+    let found = rest.len() as u64;
+    if count > found {
+        return Err(DecodeError::Truncated { what, expected: count, found });
+    }
+    let (head, tail) = rest.split_at(count as usize);
+    *rest = tail;
+    Ok(head)
+}
+
+fn take_u32(rest: &mut &[u8], what: &'static str) -> Result<u32, DecodeError> {
+    let bytes = take(rest, 4, what)?;
+    Ok(u32::from_le_bytes(bytes.try_into().expect("four bytes were taken")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::{Representation, ball_field};
+
+    fn sample() -> Vec<u8> {
+        encode(&[ball_field(0.5, 9, 8), ball_field(0.25, 5, 4)])
+    }
+
+    /// Writes `index` as JSON and `payload` behind it, with a right checksum: a forger can compute one too.
+    fn forge(index: &str, payload: &[u8]) -> Vec<u8> {
+        let content = [index.as_bytes(), payload].concat();
+        let mut file = MAGIC.to_vec();
+        file.extend(VERSION.to_le_bytes());
+        file.extend((index.len() as u32).to_le_bytes());
+        file.extend(crc32fast::hash(&content).to_le_bytes());
+        file.extend(content);
+        file
+    }
+
+    #[test]
+    fn round_trip_on_disk() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("two.vfield");
+        let fields = [ball_field(0.5, 9, 8), ball_field(0.25, 5, 4)];
+        write(&path, &fields).unwrap();
+        assert_eq!(read(&path).unwrap(), fields);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file stays behind");
+    }
+
+    #[test]
+    fn every_truncation_is_an_error() {
+        let file = sample();
+        for length in 0..file.len() {
+            let error = decode(&file[..length]).unwrap_err();
+            let expected = if length < 8 {
+                matches!(error, DecodeError::NotAField)
+            } else {
+                matches!(error, DecodeError::Truncated { .. })
+            };
+            assert!(expected, "{length} bytes: {error}");
+        }
+    }
+
+    #[test]
+    fn every_flipped_bit_is_an_error() {
+        let file = sample();
+        for position in 0..file.len() {
+            let mut damaged = file.clone();
+            damaged[position] ^= 1 << (position % 8);
+            assert!(decode(&damaged).is_err(), "byte {position}");
+        }
+    }
+
+    #[test]
+    fn damage_is_told_apart() {
+        let mut newer = sample();
+        newer[8] = 99;
+        assert!(matches!(decode(&newer), Err(DecodeError::Version { found: 99 })));
+        let mut flipped = sample();
+        *flipped.last_mut().unwrap() ^= 1;
+        assert!(matches!(decode(&flipped), Err(DecodeError::Checksum)));
+        assert!(matches!(decode(b"v 0 0 0\nf 1 2 3\n"), Err(DecodeError::NotAField)));
+        assert!(matches!(decode(&[]), Err(DecodeError::NotAField)));
+        let longer = [sample(), vec![0; 3]].concat();
+        assert!(matches!(decode(&longer), Err(DecodeError::TrailingBytes { extra: 3 })));
+    }
+
+    #[test]
+    fn forged_lengths_allocate_nothing() {
+        let mut huge_index = sample();
+        huge_index[12..16].copy_from_slice(&u32::MAX.to_le_bytes());
+        assert!(matches!(decode(&huge_index), Err(DecodeError::IndexTooLarge { .. })));
+
+        let entry = |entries: u32, exits: u32, radius: &str, compressed: usize| {
+            format!(
+                r#"[{{"name":"x","bounds":{{"center":[0,0,0],"radius":{radius}}},"representation":
+                {{"two-point":{{"entries":{entries},"exits":{exits}}}}},"encoding":"u8","triangles":1,
+                "compressed_bytes":{compressed}}}]"#
+            )
+        };
+        let zeros = compress(&[0; 16]);
+        let decode_forged =
+            |entries, exits, radius| decode(&forge(&entry(entries, exits, radius, zeros.len()), &zeros));
+        assert!(decode_forged(2, 2, "1").is_ok(), "the forger's template itself is sound");
+        assert!(matches!(decode_forged(180, 180, "1"), Err(DecodeError::Table { .. })), "a gigabyte from 20 bytes");
+        assert!(matches!(decode_forged(2, 3, "1"), Err(DecodeError::Table { .. })));
+        assert!(matches!(decode_forged(1, 2, "1"), Err(DecodeError::Table { .. })));
+        for (entries, exits, radius) in [(0, 2, "1"), (100_000, 2, "1"), (2, 2, "0"), (2, 2, "-1")] {
+            assert!(matches!(decode_forged(entries, exits, radius), Err(DecodeError::Field { .. })));
+        }
+        assert!(decode_forged(2, 2, "1e999").is_err(), "infinite radius");
+        let past_end = entry(2, 2, "1", usize::MAX);
+        assert!(matches!(decode(&forge(&past_end, &zeros)), Err(DecodeError::Truncated { .. })));
+        assert!(matches!(decode(&forge("{", &[])), Err(DecodeError::Index(_))));
+    }
+
+    #[test]
+    fn errors_name_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let missing = folder.path().join("missing.vfield");
+        assert!(read(&missing).unwrap_err().to_string().contains("missing.vfield"));
+        let unwritable = folder.path().join("no/such/folder/x.vfield");
+        assert!(matches!(write(&unwritable, &[]), Err(FileError::Io { .. })));
+    }
+
+    #[test]
+    fn representation_names_are_stable() {
+        let json = serde_json::to_string(&Representation::TwoPoint { entries: 65, exits: 32 }).unwrap();
+        assert_eq!(json, r#"{"two-point":{"entries":65,"exits":32}}"#);
+    }
+}

@@ -1,0 +1,38 @@
+//! Visibility fields: *is anything in the way between this point and that direction?*, answered by table look-ups.
+//!
+//! A [`VisibilityField`] is baked once per rigid mesh (crate `visfield_bake`) and shared by all its instances, under any
+//! invertible affine transform. The data's path through this crate:
+//!
+//! 1. [`file`](mod@file) decodes a field from untrusted bytes, and encodes it,
+//! 2. [`field`] answers single rays in *field space*, where the mesh's bounding sphere is the unit sphere,
+//! 3. [`scene`] places instances of fields in a world,
+//! 4. [`estimate`] turns many rays into ambient occlusion and sun visibility on the CPU,
+//! 5. [`gpu`](mod@gpu) (feature `gpu`) does the same for every pixel of a frame, in plain WGSL compute passes.
+//!
+//! *Occlusion* is 0 where nothing is in the way and 1 where everything is; *visibility* is 1 − occlusion.
+//!
+//! The method follows Gaitatzes et al., *Presampled Visibility for Ambient Occlusion* (2008) and *Fast Approximate
+//! Visibility on the GPU using Pre-Computed 4D Visibility Fields* (2010); where this crate deviates, the item says so.
+//!
+//! ```
+//! use glam::{DAffine3, Vec3};
+//! use visfield::{estimate, scene::{Instance, Scene}};
+//! # let field = visfield::field::example_field();
+//! // One field, two instances; how much of its sky does a point between them see?
+//! let mut scene = Scene::default();
+//! let id = scene.add_field(field);
+//! scene.instances.push(Instance::new(id, DAffine3::from_translation(glam::dvec3(2.0, 0.0, 0.0))));
+//! scene.instances.push(Instance::new(id, DAffine3::from_translation(glam::dvec3(-2.0, 0.0, 0.0))));
+//! let receiver = estimate::Receiver { position: glam::DVec3::ZERO, normal: Vec3::Z };
+//! let occlusion = estimate::ambient_occlusion(&scene, &receiver, &estimate::AmbientOcclusion::default());
+//! assert!((0.0..=1.0).contains(&occlusion));
+//! ```
+
+pub mod estimate;
+pub mod field;
+pub mod file;
+#[cfg(feature = "gpu")]
+pub mod gpu;
+pub mod scene;
+
+pub use field::{BoundingSphere, Encoding, FieldError, FieldHeader, Representation, VisibilityField};

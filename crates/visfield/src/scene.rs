@@ -1,0 +1,170 @@
+//! Instances of fields, placed in a world.
+
+use std::sync::Arc;
+
+use glam::{Affine3A, DAffine3, DMat3, DVec3};
+
+use crate::field::{BoundingSphere, VisibilityField};
+
+/// Which of a [`Scene`]'s fields an instance uses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct FieldId(usize);
+
+/// One placement of a field: a rigid object, or any other invertible affine image of its mesh.
+///
+/// ```
+/// use glam::{DAffine3, DVec3, dvec3};
+/// use visfield::scene::{Instance, Scene};
+/// # let field = visfield::field::example_field();
+/// let mut scene = Scene::default();
+/// let id = scene.add_field(field);
+/// scene.instances.push(Instance::new(id, DAffine3::from_scale(dvec3(1.0, 5.0, -1.0)))); // stretched and mirrored
+/// scene.instances.push(Instance::new(id, DAffine3::from_scale(dvec3(1.0, 0.0, 1.0)))); // flattened: vanishes
+/// assert_eq!(scene.place(DVec3::ZERO).len(), 1);
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct Instance {
+    /// The field that this instance uses.
+    pub field: FieldId,
+    /// The map from the mesh's space to the world, in double precision so that large worlds keep their detail.
+    pub world_from_mesh: DAffine3,
+}
+
+impl Instance {
+    /// Places a field.
+    pub fn new(field: FieldId, world_from_mesh: DAffine3) -> Self {
+        Self { field, world_from_mesh }
+    }
+}
+
+/// Fields and their instances.
+///
+/// See [`Instance`] for an example.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    fields: Vec<Arc<VisibilityField>>,
+    /// The objects that occlude, in any order.
+    pub instances: Vec<Instance>,
+}
+
+impl Scene {
+    /// Adds a field that instances can share.
+    pub fn add_field(&mut self, field: impl Into<Arc<VisibilityField>>) -> FieldId {
+        self.fields.push(field.into());
+        FieldId(self.fields.len() - 1)
+    }
+
+    /// The instances as rays see them, relative to `origin`, leaving out those whose transform is not invertible.
+    ///
+    /// Relative to the camera (or the receiver), single precision suffices at any distance from the world's origin.
+    pub fn place(&self, origin: DVec3) -> Vec<(Placement, &VisibilityField)> {
+        self.instances
+            .iter()
+            .filter_map(|instance| {
+                let field = &*self.fields[instance.field.0];
+                Some((Placement::new(&field.header().bounds, instance.world_from_mesh, origin)?, field))
+            })
+            .collect()
+    }
+}
+
+/// An instance as rays see it: the map into field space, and a bounding sphere to cull by.
+///
+/// ```
+/// use glam::{DAffine3, DVec3, Vec3, dvec3};
+/// use visfield::{BoundingSphere, scene::Placement};
+/// let bounds = BoundingSphere { center: [1.0, 0.0, 0.0], radius: 2.0 };
+/// let placement = Placement::new(&bounds, DAffine3::from_translation(dvec3(1e7, 0.0, 0.0)), dvec3(1e7, 0.0, 0.0)).unwrap();
+/// assert_eq!(placement.center, Vec3::X);
+/// assert_eq!(placement.field_from_world.transform_point3(Vec3::X * 3.0), Vec3::X);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// From world positions relative to the scene's chosen origin to field space.
+    pub field_from_world: Affine3A,
+    /// Centre of a bounding sphere, relative to the chosen origin.
+    pub center: glam::Vec3,
+    /// Radius of that sphere, in world units.
+    pub radius: f32,
+}
+
+impl Placement {
+    /// Places `bounds` by `world_from_mesh`, relative to `origin`; `None` if the transform is singular or not finite, or
+    /// so extreme that single precision cannot hold the result.
+    pub fn new(bounds: &BoundingSphere, world_from_mesh: DAffine3, origin: DVec3) -> Option<Self> {
+        let world_from_field = world_from_mesh * bounds.field_from_mesh().inverse();
+        let relative = DAffine3 { translation: world_from_field.translation - origin, ..world_from_field };
+        let stretch = largest_stretch(relative.matrix3);
+        // Relative to the stretch, so that tiny objects are not taken for flat ones.
+        let flatness = relative.matrix3.determinant().abs() / stretch.powi(3);
+        if !(flatness > SINGULAR) {
+            return None;
+        }
+        let placement = Self {
+            field_from_world: relative.inverse().as_affine3a(),
+            center: relative.translation.as_vec3(),
+            radius: stretch as f32,
+        };
+        let usable =
+            placement.field_from_world.is_finite() && placement.center.is_finite() && placement.radius.is_normal();
+        usable.then_some(placement)
+    }
+}
+
+/// Relative volume below which a transform counts as singular: an object squeezed 1 : 10⁻⁹.
+const SINGULAR: f64 = 1.0e-18;
+
+/// An upper bound of how much a linear map lengthens any vector: the square root of the largest absolute row sum of MᵀM,
+/// which bounds its largest eigenvalue. Exact for rotations with uniform scale.
+fn largest_stretch(m: DMat3) -> f64 {
+    let gram = m.transpose() * m;
+    let row_sum = |i: usize| gram.row(i).abs().element_sum();
+    row_sum(0).max(row_sum(1)).max(row_sum(2)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DQuat, EulerRot, Vec3, dvec3};
+
+    const UNIT: BoundingSphere = BoundingSphere { center: [0.0; 3], radius: 1.0 };
+
+    #[test]
+    fn singular_and_non_finite_transforms_vanish() {
+        for scale in [DVec3::ZERO, dvec3(1.0, 1.0, 0.0), dvec3(f64::NAN, 1.0, 1.0), dvec3(f64::INFINITY, 1.0, 1.0)] {
+            assert_eq!(Placement::new(&UNIT, DAffine3::from_scale(scale), DVec3::ZERO), None, "{scale}");
+        }
+        let nowhere = DAffine3::from_translation(dvec3(f64::NAN, 0.0, 0.0));
+        assert_eq!(Placement::new(&UNIT, nowhere, DVec3::ZERO), None);
+    }
+
+    #[test]
+    fn extreme_scales_stay() {
+        for scale in [1e-6, 1e-3, 1.0, 1e3, 1e6] {
+            let placement = Placement::new(&UNIT, DAffine3::from_scale(DVec3::splat(scale)), DVec3::ZERO).unwrap();
+            assert!((f64::from(placement.radius) / scale - 1.0).abs() < 1e-6);
+        }
+        let needle = DAffine3::from_scale(dvec3(1.0, 1e-3, 1e-3));
+        assert!(Placement::new(&UNIT, needle, DVec3::ZERO).is_some());
+    }
+
+    #[test]
+    fn the_bounding_sphere_contains_the_mesh() {
+        let rotation = DQuat::from_euler(EulerRot::XYZ, 0.3, 1.1, -2.0);
+        let squeezed = DAffine3::from_scale_rotation_translation(dvec3(1.0, 4.0, -0.2), rotation, dvec3(5.0, 6.0, 7.0));
+        let placement = Placement::new(&UNIT, squeezed, DVec3::ZERO).unwrap();
+        for point in crate::estimate::sampling::sphere_samples(500) {
+            let world = squeezed.transform_point3(point.as_dvec3()).as_vec3();
+            assert!(world.distance(placement.center) <= placement.radius * 1.0001);
+            let back = placement.field_from_world.transform_point3(world);
+            assert!(back.distance(point) < 1e-4);
+        }
+    }
+
+    #[test]
+    fn places_far_from_the_origin_keep_their_detail() {
+        let far = dvec3(1e7, -1e7, 1e7);
+        let placement = Placement::new(&UNIT, DAffine3::from_translation(far + dvec3(0.001, 0.0, 0.0)), far).unwrap();
+        assert!((placement.center - Vec3::X * 0.001).length() < 1e-7);
+    }
+}
