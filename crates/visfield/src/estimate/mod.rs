@@ -1,6 +1,7 @@
 //! Ambient occlusion and sun visibility at a point, by many rays against a [`Scene`]: the CPU twin of the frame's trace
 //! pass, and the estimator for anything that is not a pixel (light probes, gameplay).
 
+pub mod frame;
 pub mod sampling;
 
 use glam::{DVec3, Vec3};
@@ -90,6 +91,9 @@ pub fn ambient_occlusion(scene: &Scene, receiver: &Receiver, settings: &AmbientO
 /// The fraction of the light's disc that the receiver sees, in [0, 1]; 1 for receivers that face away, which the light's
 /// own cosine already leaves dark.
 pub fn directional_visibility(scene: &Scene, receiver: &Receiver, light: &DirectionalShadow) -> f32 {
+    if receiver.normal.dot(light.to_light) <= 0.0 {
+        return 1.0;
+    }
     let placements = scene.place(receiver.position);
     let rays = light.rays.max(1);
     let basis = DiscBasis::new(light.to_light, light.angular_radius);

@@ -1,1 +1,30 @@
-//! GPU
+//! Occlusion of whole frames on the GPU: plain WGSL compute passes on raw `wgpu`.
+//!
+//! [`FieldPool`] keeps the tables of all fields in one storage buffer, [`layout`] is what the shaders read, and
+//! [`OcclusionPasses::encode`] traces and denoises one camera's frame. The application brings device, queue and encoder;
+//! everything runs within [`wgpu::Limits::default`].
+//!
+//! The WGSL sources are plain, without preprocessor directives, and joined by concatenation: [`trace_source`] and
+//! [`denoise_source`]. Each of their functions has a CPU twin of the same name in [`field`](crate::field) or
+//! [`estimate::frame`](crate::estimate::frame).
+
+pub mod layout;
+mod passes;
+mod pool;
+
+pub use passes::{FrameInputs, MissingCapability, OUTPUT_FORMAT, OcclusionPasses, OcclusionView};
+pub use pool::{FieldPool, FieldSlot, PoolError, PoolStatistics};
+
+/// Functions over `tables`, which the including shader declares.
+pub const FIELD_SOURCE: &str = include_str!("../shaders/field.wgsl");
+const FRAME_SOURCE: &str = include_str!("../shaders/frame.wgsl");
+
+/// The trace pass, entry point `trace`.
+pub fn trace_source() -> String {
+    [FIELD_SOURCE, FRAME_SOURCE, include_str!("../shaders/trace.wgsl")].concat()
+}
+
+/// The denoise pass, entry point `denoise`.
+pub fn denoise_source() -> String {
+    [FRAME_SOURCE, include_str!("../shaders/denoise.wgsl")].concat()
+}

@@ -1,0 +1,317 @@
+//! A frame's occlusion on the CPU: the twin of `shaders/{frame,trace,denoise}.wgsl`, function by function.
+//!
+//! It exists to check the shaders against, and to compute frames without a GPU. All positions are relative to the camera.
+
+use glam::{IVec2, Mat4, UVec2, Vec2, Vec3, Vec4, uvec2, vec2};
+
+use super::cosine_direction;
+use super::sampling::{DiscBasis, INTERLEAVE, disc_samples, interleave_index, sphere_samples};
+use crate::field::VisibilityField;
+use crate::field::query::Bias;
+use crate::scene::Placement;
+
+/// Directional lights that one frame can mask: the occlusion texture's channels beside ambient occlusion.
+pub const MAX_LIGHTS: usize = 3;
+/// Most rays per pixel and estimator: the bits of the shader's masks.
+pub const MAX_RAYS: u32 = 32;
+
+/// How a frame is traced.
+///
+/// ```
+/// use visfield::estimate::frame::TraceSettings;
+/// let settings = TraceSettings { ambient_rays: 4, ..TraceSettings::default() };
+/// assert_eq!(settings.sphere_samples().len(), 64); // shared by squares of 4×4 pixels
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TraceSettings {
+    /// Ambient occlusion rays per pixel, 0 (none) to [`MAX_RAYS`]. The denoiser sees sixteen times as many.
+    pub ambient_rays: u32,
+    /// Rays per pixel and light, 0 (none) to [`MAX_RAYS`].
+    pub shadow_rays: u32,
+    /// Ambient occlusion ignores hits beyond this distance, in world units. Infinity counts all.
+    pub max_distance: f32,
+    /// How near to the receiver hits do not count.
+    pub bias: Bias,
+}
+
+impl Default for TraceSettings {
+    fn default() -> Self {
+        Self { ambient_rays: 8, shadow_rays: 8, max_distance: f32::INFINITY, bias: Bias::default() }
+    }
+}
+
+impl TraceSettings {
+    /// The same with every number inside its range; a NaN distance becomes infinite.
+    #[must_use]
+    pub fn clamped(self) -> Self {
+        Self {
+            ambient_rays: self.ambient_rays.min(MAX_RAYS),
+            shadow_rays: self.shadow_rays.min(MAX_RAYS),
+            max_distance: if self.max_distance.is_nan() { f32::INFINITY } else { self.max_distance.max(0.0) },
+            bias: self.bias,
+        }
+    }
+
+    /// The points of the sphere that 4×4 pixels share for ambient occlusion.
+    pub fn sphere_samples(&self) -> Vec<Vec3> {
+        sphere_samples(self.ambient_rays * INTERLEAVE * INTERLEAVE)
+    }
+
+    /// The points of the disc that 4×4 pixels share for each light.
+    pub fn disc_samples(&self) -> Vec<Vec2> {
+        disc_samples(self.shadow_rays * INTERLEAVE * INTERLEAVE)
+    }
+}
+
+/// A directional light of a frame.
+///
+/// ```
+/// use glam::Vec3;
+/// use visfield::estimate::frame::FrameLight;
+/// let sun = FrameLight::new(0, Vec3::Y, 0.00465);
+/// assert_eq!(sun.channel, 0);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameLight {
+    /// Which mask of the output it fills, below [`MAX_LIGHTS`].
+    pub channel: usize,
+    /// The light's disc in the sky.
+    pub disc: DiscBasis,
+    /// Half the angle that the disc covers, in radians.
+    pub angular_radius: f32,
+}
+
+impl FrameLight {
+    /// Largest angular radius in radians; wider discs approach a half-space, whose tangents have no end.
+    pub const MAX_ANGULAR_RADIUS: f32 = 1.2;
+
+    /// The light towards `to_light` (a unit vector) that fills mask `channel`. The angular radius is in radians and is
+    /// clamped to 0…[`Self::MAX_ANGULAR_RADIUS`].
+    pub fn new(channel: usize, to_light: Vec3, angular_radius: f32) -> Self {
+        // `max` first: it turns NaN into 0.
+        let angular_radius = angular_radius.max(0.0).min(Self::MAX_ANGULAR_RADIUS);
+        Self { channel, disc: DiscBasis::new(to_light, angular_radius), angular_radius }
+    }
+}
+
+/// A surface point of the frame, relative to the camera; depth 0 (infinity, reversed z) means there is none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameReceiver {
+    /// Where it is, relative to the camera.
+    pub position: Vec3,
+    /// Its unit normal.
+    pub normal: Vec3,
+    /// Depth buffer value, 1 at the near plane.
+    pub depth: f32,
+}
+
+/// A frame's depth and normals, and where they lie.
+#[derive(Clone, Debug)]
+pub struct GeometryBuffer {
+    /// From clip space to the world relative to the camera.
+    pub world_from_clip: Mat4,
+    /// Width and height in pixels.
+    pub size: UVec2,
+    /// Depth per pixel, rows from the top; reversed z.
+    pub depth: Vec<f32>,
+    /// Normal per pixel.
+    pub normals: Vec<Vec3>,
+}
+
+impl GeometryBuffer {
+    /// The point of the camera-relative world behind a position in the frame, in pixels from its top left corner.
+    pub fn position_at(&self, pixel: Vec2, depth: f32) -> Vec3 {
+        let uv = (pixel + 0.5) / self.size.as_vec2();
+        let ndc = vec2(uv.x * 2.0 - 1.0, 1.0 - uv.y * 2.0);
+        let position = self.world_from_clip * Vec4::new(ndc.x, ndc.y, depth, 1.0);
+        position.truncate() / position.w
+    }
+
+    /// The receiver at a pixel.
+    pub fn receiver_at(&self, pixel: UVec2) -> FrameReceiver {
+        let index = self.index(pixel);
+        let (depth, normal) = (self.depth[index], self.normals[index]);
+        FrameReceiver { position: self.position_at(pixel.as_vec2(), depth), normal: normal.normalize(), depth }
+    }
+
+    /// All pixels, row by row.
+    pub fn pixels(&self) -> impl Iterator<Item = UVec2> + use<> {
+        let size = self.size;
+        (0..size.y).flat_map(move |y| (0..size.x).map(move |x| uvec2(x, y)))
+    }
+
+    fn index(&self, pixel: UVec2) -> usize {
+        (pixel.y * self.size.x + pixel.x) as usize
+    }
+}
+
+/// Traces every pixel: ambient occlusion in x, the occlusion of the lights by channel in y, z, w. Noisy; see [`denoise`].
+pub fn trace(
+    geometry: &GeometryBuffer,
+    instances: &[(Placement, &VisibilityField)],
+    lights: &[FrameLight],
+    settings: &TraceSettings,
+) -> Vec<Vec4> {
+    let settings = settings.clamped();
+    let (sphere, disc) = (settings.sphere_samples(), settings.disc_samples());
+    let trace_pixel = |pixel: UVec2| {
+        let receiver = geometry.receiver_at(pixel);
+        if receiver.depth == 0.0 {
+            return Vec4::ZERO;
+        }
+        let residue = interleave_index(pixel.x, pixel.y) as usize;
+        let blocked = |direction: Vec3, t_max: f32| {
+            let cosine = receiver.normal.dot(direction);
+            instances.iter().any(|(placement, field)| {
+                let origin = placement.field_from_world.transform_point3(receiver.position);
+                let along = placement.field_from_world.transform_vector3(direction);
+                field.occluded(origin, along, t_max, cosine, settings.bias)
+            })
+        };
+        let pattern = (INTERLEAVE * INTERLEAVE) as usize;
+        let mut occlusion = Vec4::ZERO;
+        let ambient = sphere.iter().skip(residue).step_by(pattern);
+        let count =
+            ambient.filter(|&&point| blocked(cosine_direction(receiver.normal, point), settings.max_distance)).count();
+        occlusion.x = count as f32 / settings.ambient_rays.max(1) as f32;
+        for light in lights.iter().filter(|light| receiver.normal.dot(light.disc.axis) > 0.0) {
+            let rays = disc.iter().skip(residue).step_by(pattern);
+            let count = rays.filter(|&&point| blocked(light.disc.direction(point), f32::INFINITY)).count();
+            occlusion[light.channel + 1] = count as f32 / settings.shadow_rays.max(1) as f32;
+        }
+        occlusion
+    };
+    geometry.pixels().map(trace_pixel).collect()
+}
+
+/// Averages the interleaved patterns over the same surface.
+pub fn denoise(geometry: &GeometryBuffer, noisy: &[Vec4]) -> Vec<Vec4> {
+    let last = geometry.size.as_ivec2() - 1;
+    let denoise_pixel = |pixel: UVec2| {
+        let center = geometry.receiver_at(pixel);
+        let mut sum = noisy[geometry.index(pixel)];
+        let mut total = 1.0;
+        if center.depth > 0.0 {
+            let footprint = pixel_footprint(geometry, pixel, &center);
+            for y in -2..=2 {
+                for x in -2..=2 {
+                    let offset = IVec2::new(x, y);
+                    let at = pixel.as_ivec2() + offset;
+                    if offset == IVec2::ZERO || at.cmplt(IVec2::ZERO).any() || at.cmpgt(last).any() {
+                        continue;
+                    }
+                    let at = at.as_uvec2();
+                    let weight = bilateral_weight(&center, &geometry.receiver_at(at), offset, footprint);
+                    sum += noisy[geometry.index(at)] * weight;
+                    total += weight;
+                }
+            }
+        }
+        (sum / total).clamp(Vec4::ZERO, Vec4::ONE)
+    };
+    geometry.pixels().map(denoise_pixel).collect()
+}
+
+/// How much a neighbour counts that lies `offset` pixels away: the ends of the five taps share one residue of the four, and
+/// so half each. Falls to 0 across depth edges and creases; `footprint` is the width of a pixel at the centre.
+pub fn bilateral_weight(center: &FrameReceiver, neighbor: &FrameReceiver, offset: IVec2, footprint: f32) -> f32 {
+    if neighbor.depth == 0.0 {
+        return 0.0;
+    }
+    let end = |component: i32| if component.abs() == 2 { 0.5 } else { 1.0 };
+    let off_plane = center.normal.dot(neighbor.position - center.position).abs();
+    let same_plane = (2.0 - off_plane / footprint).clamp(0.0, 1.0);
+    let same_facing = (center.normal.dot(neighbor.normal) * 4.0 - 3.0).clamp(0.0, 1.0);
+    end(offset.x) * end(offset.y) * same_plane * same_facing
+}
+
+/// Width of a pixel at a receiver, in world units.
+fn pixel_footprint(geometry: &GeometryBuffer, pixel: UVec2, center: &FrameReceiver) -> f32 {
+    geometry.position_at(pixel.as_vec2() + Vec2::X, center.depth).distance(center.position)
+}
+
+/// Whether a bounding sphere can block any ray of the receiver's hemisphere.
+pub fn above_surface(to_center: Vec3, radius: f32, normal: Vec3) -> bool {
+    to_center.dot(normal) > -radius
+}
+
+/// Whether a bounding sphere can block any ray towards the light's disc: whether it meets the cone of those rays.
+pub fn meets_cone(to_center: Vec3, radius: f32, light: &FrameLight) -> bool {
+    let along = to_center.dot(light.disc.axis);
+    let across = (to_center - light.disc.axis * along).length();
+    let (sine, cosine) = light.angular_radius.sin_cos();
+    along > -radius && across * cosine - along * sine < radius
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::field::ball_field;
+    use glam::{DAffine3, DVec3, dvec3, vec3};
+
+    /// A ground plane seen from 3 above, looking straight down.
+    pub(crate) fn ground_from_above(size: UVec2) -> GeometryBuffer {
+        let view_from_clip = Mat4::perspective_infinite_reverse_rh(1.0, size.x as f32 / size.y as f32, 0.1).inverse();
+        let world_from_view = Mat4::look_to_rh(Vec3::ZERO, -Vec3::Y, -Vec3::Z).inverse();
+        let pixels = (size.x * size.y) as usize;
+        GeometryBuffer {
+            world_from_clip: world_from_view * view_from_clip,
+            size,
+            depth: vec![0.1 / 3.0; pixels],
+            normals: vec![Vec3::Y; pixels],
+        }
+    }
+
+    #[test]
+    fn the_camera_sees_the_ground_where_it_is() {
+        let geometry = ground_from_above(uvec2(8, 8));
+        let corner = geometry.receiver_at(uvec2(0, 0)).position;
+        assert!((corner.y + 3.0).abs() < 1e-5, "{corner}");
+        assert!(corner.x < 0.0 && corner.z < 0.0, "image left is −x, image top is −z: {corner}");
+    }
+
+    #[test]
+    fn denoising_hides_the_pattern_on_a_plane() {
+        let geometry = ground_from_above(uvec2(32, 32));
+        let field = ball_field(0.9, 65, 32);
+        let world_from_mesh = DAffine3::from_translation(dvec3(0.0, -1.9, 0.0));
+        let placement = Placement::new(&field.header().bounds, world_from_mesh, DVec3::ZERO).unwrap();
+        let light = FrameLight::new(1, vec3(0.3, 1.0, 0.1).normalize(), 0.2);
+        let noisy = trace(&geometry, &[(placement, &field)], &[light], &TraceSettings::default());
+        let smooth = denoise(&geometry, &noisy);
+        let roughness = |image: &[Vec4], channel: usize| {
+            let step = |x: u32, y: u32| {
+                let at = |x: u32| image[(y * 32 + x) as usize][channel];
+                (at(x) - 2.0 * at(x + 1) + at(x + 2)).abs()
+            };
+            (8..24).flat_map(|y| (8..22).map(move |x| step(x, y))).sum::<f32>() / (16.0 * 14.0)
+        };
+        assert!(roughness(&noisy, 0) > 0.05, "the pattern is there: {}", roughness(&noisy, 0));
+        assert!(roughness(&smooth, 0) < 0.01, "and gone: {}", roughness(&smooth, 0));
+        assert!(smooth.iter().all(|p| p.y == 0.0 && p.w == 0.0), "channels of absent lights stay empty");
+        let center = smooth[16 * 32 + 16];
+        assert!((center.x - 0.67).abs() < 0.05, "0.9²/1.1² of the sky: {}", center.x);
+        assert!(center.z > 0.9, "in the umbra: {}", center.z);
+    }
+
+    #[test]
+    fn culling_never_drops_what_can_block() {
+        let light = FrameLight::new(0, Vec3::Y, 0.1);
+        assert!(meets_cone(vec3(0.0, 5.0, 0.0), 1.0, &light));
+        assert!(meets_cone(vec3(1.4, 5.0, 0.0), 1.0, &light), "the cone is 0.5 wide there");
+        assert!(!meets_cone(vec3(1.6, 5.0, 0.0), 1.0, &light));
+        assert!(!meets_cone(vec3(0.0, -1.1, 0.0), 1.0, &light), "behind");
+        assert!(meets_cone(vec3(0.5, -0.5, 0.0), 1.0, &light), "around the receiver");
+        assert!(above_surface(vec3(0.0, -0.9, 0.0), 1.0, Vec3::Y));
+        assert!(!above_surface(vec3(0.0, -1.1, 0.0), 1.0, Vec3::Y));
+    }
+
+    #[test]
+    fn settings_out_of_range_are_clamped() {
+        let wild =
+            TraceSettings { ambient_rays: 99, shadow_rays: 99, max_distance: f32::NAN, ..TraceSettings::default() };
+        let tame = wild.clamped();
+        assert_eq!((tame.ambient_rays, tame.shadow_rays, tame.max_distance), (32, 32, f32::INFINITY));
+        assert_eq!(FrameLight::new(0, Vec3::Y, f32::NAN).angular_radius, 0.0);
+    }
+}

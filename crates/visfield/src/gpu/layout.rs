@@ -1,0 +1,159 @@
+//! What the shaders read, byte for byte. A test compares every offset with the layout that naga reflects from the WGSL.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{UVec2, Vec3};
+
+use super::FieldSlot;
+use crate::estimate::frame::{FrameLight, MAX_LIGHTS, TraceSettings};
+use crate::scene::Placement;
+
+/// One occluder, `Instance` in `shaders/trace.wgsl`.
+///
+/// ```
+/// assert_eq!(size_of::<visfield::gpu::layout::InstanceData>(), 80);
+/// ```
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct InstanceData {
+    /// Rows of the affine map from the camera-relative world to field space.
+    pub field_from_world: [[f32; 4]; 3],
+    /// Centre of the bounding sphere, relative to the camera.
+    pub center: [f32; 3],
+    /// Radius of the bounding sphere, in world units.
+    pub radius: f32,
+    /// Where the field's table starts in the pool, in bytes.
+    pub first_byte: u32,
+    /// Side of the table's grid of chord entries.
+    pub entries: u32,
+    /// Side of the table's grid of chord exits.
+    pub exits: u32,
+    /// Aligns the next instance.
+    pub padding: u32,
+}
+
+impl InstanceData {
+    /// An instance of the field in `slot`, placed relative to the camera.
+    pub fn new(slot: &FieldSlot, placement: &Placement) -> Self {
+        let map = placement.field_from_world;
+        let row = |i: usize| {
+            let linear = map.matrix3.row(i);
+            [linear.x, linear.y, linear.z, map.translation[i]]
+        };
+        Self {
+            field_from_world: [row(0), row(1), row(2)],
+            center: placement.center.to_array(),
+            radius: placement.radius,
+            first_byte: slot.first_byte(),
+            entries: slot.shape().entries,
+            exits: slot.shape().exits,
+            padding: 0,
+        }
+    }
+}
+
+/// A directional light, `Light` in `shaders/frame.wgsl`.
+///
+/// ```
+/// assert_eq!(size_of::<visfield::gpu::layout::LightData>(), 48);
+/// ```
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct LightData {
+    /// Unit vector towards the light.
+    pub axis: [f32; 3],
+    /// Cosine of the disc's angular radius.
+    pub cosine: f32,
+    /// Tangent of the disc, as long as its radius at distance 1.
+    pub tangent: [f32; 3],
+    /// Sine of the disc's angular radius.
+    pub sine: f32,
+    /// The other tangent.
+    pub bitangent: [f32; 3],
+    /// The mask that the light fills.
+    pub channel: u32,
+}
+
+impl From<&FrameLight> for LightData {
+    fn from(light: &FrameLight) -> Self {
+        let (sine, cosine) = light.angular_radius.sin_cos();
+        Self {
+            axis: light.disc.axis.to_array(),
+            cosine,
+            tangent: light.disc.tangent.to_array(),
+            sine,
+            bitangent: light.disc.bitangent.to_array(),
+            channel: light.channel as u32,
+        }
+    }
+}
+
+/// A frame's parameters, `Frame` in `shaders/frame.wgsl`.
+///
+/// ```
+/// assert_eq!(size_of::<visfield::gpu::layout::FrameUniform>(), 256);
+/// ```
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct FrameUniform {
+    /// From clip space to the world relative to the camera, by columns.
+    pub world_from_clip: [[f32; 4]; 4],
+    /// First pixel of the camera's viewport.
+    pub viewport_origin: [u32; 2],
+    /// Width and height of the viewport in pixels.
+    pub viewport_size: [u32; 2],
+    /// Number of instances.
+    pub instance_count: u32,
+    /// Ambient occlusion rays per pixel.
+    pub ambient_rays: u32,
+    /// Rays per pixel and light.
+    pub shadow_rays: u32,
+    /// Number of `lights` in use.
+    pub light_count: u32,
+    /// Ambient occlusion ignores hits beyond this distance, in world units; finite.
+    pub max_distance: f32,
+    /// [`Bias::constant`](crate::field::query::Bias::constant)
+    pub bias_constant: f32,
+    /// [`Bias::slope`](crate::field::query::Bias::slope)
+    pub bias_slope: f32,
+    /// Aligns the lights.
+    pub padding: u32,
+    /// The lights, the first `light_count` of them in use.
+    pub lights: [LightData; MAX_LIGHTS],
+}
+
+impl FrameUniform {
+    pub(super) fn new(
+        world_from_clip: glam::Mat4,
+        viewport: (UVec2, UVec2),
+        instance_count: u32,
+        lights: &[FrameLight],
+        settings: &TraceSettings,
+    ) -> Self {
+        let mut data = [LightData::default(); MAX_LIGHTS];
+        for (slot, light) in data.iter_mut().zip(lights) {
+            *slot = light.into();
+        }
+        Self {
+            world_from_clip: world_from_clip.to_cols_array_2d(),
+            viewport_origin: viewport.0.to_array(),
+            viewport_size: viewport.1.to_array(),
+            instance_count,
+            ambient_rays: settings.ambient_rays,
+            shadow_rays: settings.shadow_rays,
+            light_count: lights.len().min(MAX_LIGHTS) as u32,
+            // WGSL has no portable infinity; this is its NO_HIT.
+            max_distance: settings.max_distance.min(3.0e38),
+            bias_constant: settings.bias.constant,
+            bias_slope: settings.bias.slope,
+            padding: 0,
+            lights: data,
+        }
+    }
+}
+
+/// The sample patterns as the shader reads them: points of the sphere, then points of the disc.
+pub(super) fn sample_data(settings: &TraceSettings) -> Vec<[f32; 4]> {
+    let sphere = settings.sphere_samples().into_iter().map(|p| p.extend(0.0).to_array());
+    let disc = settings.disc_samples().into_iter().map(|p| Vec3::new(p.x, p.y, 0.0).extend(0.0).to_array());
+    sphere.chain(disc).collect()
+}

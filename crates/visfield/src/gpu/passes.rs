@@ -1,0 +1,264 @@
+//! The passes of one camera's frame: trace, then denoise.
+
+use glam::{Mat4, UVec2};
+use thiserror::Error;
+
+use super::layout::{FrameUniform, InstanceData, sample_data};
+use super::{FieldPool, denoise_source, trace_source};
+use crate::estimate::frame::{FrameLight, TraceSettings};
+
+/// Format of the occlusion texture. Its red channel is ambient visibility; green and blue are the *occlusion* of lights 0
+/// and 1, alpha the *visibility* of light 2, so that a texture with only a red channel reads as "no shadows".
+pub const OUTPUT_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
+
+const WORKGROUP_SIDE: u32 = 8;
+
+/// What an adapter lacks to run the passes.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum MissingCapability {
+    /// A limit of the device is too low.
+    #[error("the GPU's limit {name} is {found}, field occlusion needs {needed}")]
+    Limit {
+        /// The limit, as `wgpu::Limits` names it.
+        name: &'static str,
+        /// What the passes need.
+        needed: u32,
+        /// What the device has.
+        found: u32,
+    },
+}
+
+/// The pipelines of the passes, one set per device.
+///
+/// ```no_run
+/// # fn frame(device: &wgpu::Device, queue: &wgpu::Queue, pool: &visfield::gpu::FieldPool, inputs: &visfield::gpu::FrameInputs) {
+/// use visfield::gpu::{OcclusionPasses, OcclusionView};
+/// let passes = OcclusionPasses::new(device);
+/// let mut view = OcclusionView::new(); // one per camera
+/// let mut encoder = device.create_command_encoder(&Default::default());
+/// passes.encode(device, queue, &mut encoder, pool, &mut view, inputs);
+/// queue.submit([encoder.finish()]);
+/// # }
+/// ```
+#[derive(Debug)]
+pub struct OcclusionPasses {
+    trace: wgpu::ComputePipeline,
+    denoise: wgpu::ComputePipeline,
+}
+
+/// What one camera's frame is made of.
+pub struct FrameInputs<'a> {
+    /// Depth, reversed z with 0 at infinity; a depth format that can be bound as a texture.
+    pub depth: &'a wgpu::TextureView,
+    /// World normals as `rgb · 2 − 1`.
+    pub normals: &'a wgpu::TextureView,
+    /// Where the result goes: [`OUTPUT_FORMAT`], with storage usage, as large as depth and normals.
+    pub output: &'a wgpu::TextureView,
+    /// First pixel and size of the camera's viewport in these textures.
+    pub viewport: (UVec2, UVec2),
+    /// From clip space to the world relative to the camera: the camera's rotation times its inverse projection.
+    pub world_from_clip: Mat4,
+    /// The occluders, relative to the camera.
+    pub instances: &'a [InstanceData],
+    /// The directional lights, at most [`MAX_LIGHTS`](crate::estimate::frame::MAX_LIGHTS), each with a channel of its own.
+    pub lights: &'a [FrameLight],
+    /// Numbers of rays, reach and bias.
+    pub settings: TraceSettings,
+}
+
+/// One camera's own resources, kept from frame to frame.
+///
+/// ```
+/// let view = visfield::gpu::OcclusionView::new(); // holds nothing until the first frame is encoded
+/// ```
+#[derive(Debug, Default)]
+pub struct OcclusionView {
+    frame: Option<wgpu::Buffer>,
+    instances: Option<wgpu::Buffer>,
+    /// The sample patterns, and the numbers of rays that they were made for.
+    samples: Option<(wgpu::Buffer, [u32; 2])>,
+    noisy: Option<wgpu::Texture>,
+}
+
+impl OcclusionView {
+    /// Holds nothing until the first frame is encoded.
+    pub fn new() -> Self {
+        Self::default()
+    }
+}
+
+impl OcclusionPasses {
+    /// Whether a device can run the passes.
+    ///
+    /// # Errors
+    /// [`MissingCapability`] names the first limit that is too low.
+    pub fn check(limits: &wgpu::Limits) -> Result<(), MissingCapability> {
+        let needs = [
+            ("max_storage_buffers_per_shader_stage", 3, limits.max_storage_buffers_per_shader_stage),
+            ("max_storage_textures_per_shader_stage", 1, limits.max_storage_textures_per_shader_stage),
+            ("max_compute_invocations_per_workgroup", 64, limits.max_compute_invocations_per_workgroup),
+        ];
+        match needs.into_iter().find(|(_, needed, found)| found < needed) {
+            Some((name, needed, found)) => Err(MissingCapability::Limit { name, needed, found }),
+            None => Ok(()),
+        }
+    }
+
+    /// Builds the pipelines. The device must pass [`check`](Self::check).
+    pub fn new(device: &wgpu::Device) -> Self {
+        let pipeline = |label: &str, source: String| {
+            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(label),
+                source: wgpu::ShaderSource::Wgsl(source.into()),
+            });
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(label),
+                layout: None,
+                module: &module,
+                entry_point: None,
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: None,
+            })
+        };
+        Self {
+            trace: pipeline("field occlusion trace", trace_source()),
+            denoise: pipeline("field occlusion denoise", denoise_source()),
+        }
+    }
+
+    /// Encodes one camera's frame. Writes every pixel of the viewport of `inputs.output`; without instances they all
+    /// become unoccluded.
+    ///
+    /// Uploads go through `queue` and take effect at the next submission, so a `view` serves one frame per submission.
+    pub fn encode(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        encoder: &mut wgpu::CommandEncoder,
+        pool: &FieldPool,
+        view: &mut OcclusionView,
+        inputs: &FrameInputs,
+    ) {
+        let size = inputs.viewport.1;
+        if size.min_element() == 0 {
+            return;
+        }
+        let settings = inputs.settings.clamped();
+        let count = inputs.instances.len() as u32;
+        let uniform = FrameUniform::new(inputs.world_from_clip, inputs.viewport, count, inputs.lights, &settings);
+        let frame = view.frame(device);
+        queue.write_buffer(frame, 0, bytemuck::bytes_of(&uniform));
+        let instances = view.instances(device, inputs.instances.len());
+        queue.write_buffer(instances, 0, bytemuck::cast_slice(inputs.instances));
+        view.prepare_samples(device, queue, &settings);
+        view.prepare_noisy(device, size);
+
+        let (Some(frame), Some(instances), Some((samples, _)), Some(noisy)) =
+            (&view.frame, &view.instances, &view.samples, &view.noisy)
+        else {
+            unreachable!("all four were prepared above")
+        };
+        let noisy = noisy.create_view(&wgpu::TextureViewDescriptor::default());
+        let texture = wgpu::BindingResource::TextureView;
+        let trace_bindings = [
+            frame.as_entire_binding(),
+            texture(inputs.depth),
+            texture(inputs.normals),
+            pool.buffer().as_entire_binding(),
+            instances.as_entire_binding(),
+            samples.as_entire_binding(),
+            texture(&noisy),
+        ];
+        let denoise_bindings = [
+            frame.as_entire_binding(),
+            texture(inputs.depth),
+            texture(inputs.normals),
+            texture(&noisy),
+            texture(inputs.output),
+        ];
+        for (label, pipeline, bindings) in [
+            ("field occlusion trace", &self.trace, &trace_bindings[..]),
+            ("field occlusion denoise", &self.denoise, &denoise_bindings[..]),
+        ] {
+            let bind_group = bind_in_order(device, label, pipeline, bindings);
+            let mut pass =
+                encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes: None });
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &bind_group, &[]);
+            pass.dispatch_workgroups(size.x.div_ceil(WORKGROUP_SIDE), size.y.div_ceil(WORKGROUP_SIDE), 1);
+        }
+    }
+}
+
+impl OcclusionView {
+    fn frame(&mut self, device: &wgpu::Device) -> &wgpu::Buffer {
+        self.frame.get_or_insert_with(|| {
+            create_buffer(device, "field occlusion frame", size_of::<FrameUniform>(), wgpu::BufferUsages::UNIFORM)
+        })
+    }
+
+    /// A buffer with room for at least `count` instances.
+    fn instances(&mut self, device: &wgpu::Device, count: usize) -> &wgpu::Buffer {
+        // Never empty: a binding needs at least one element.
+        let needed = size_of::<InstanceData>() * count.max(1);
+        if self.instances.as_ref().is_some_and(|buffer| buffer.size() < needed as u64) {
+            self.instances = None;
+        }
+        self.instances.get_or_insert_with(|| {
+            let roomy = size_of::<InstanceData>() * count.max(1).next_power_of_two();
+            create_buffer(device, "field occlusion instances", roomy, wgpu::BufferUsages::STORAGE)
+        })
+    }
+
+    fn prepare_samples(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, settings: &TraceSettings) {
+        let rays = [settings.ambient_rays, settings.shadow_rays];
+        if self.samples.as_ref().is_some_and(|(_, made_for)| *made_for == rays) {
+            return;
+        }
+        let data = sample_data(settings);
+        let bytes = size_of::<[f32; 4]>() * data.len().max(1);
+        let buffer = create_buffer(device, "field occlusion samples", bytes, wgpu::BufferUsages::STORAGE);
+        queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&data));
+        self.samples = Some((buffer, rays));
+    }
+
+    fn prepare_noisy(&mut self, device: &wgpu::Device, size: UVec2) {
+        if self.noisy.as_ref().is_some_and(|texture| (texture.width(), texture.height()) == (size.x, size.y)) {
+            return;
+        }
+        self.noisy = Some(device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("field occlusion, noisy"),
+            size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: OUTPUT_FORMAT,
+            usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        }));
+    }
+}
+
+fn bind_in_order(
+    device: &wgpu::Device,
+    label: &str,
+    pipeline: &wgpu::ComputePipeline,
+    bindings: &[wgpu::BindingResource],
+) -> wgpu::BindGroup {
+    let entries: Vec<_> = bindings
+        .iter()
+        .enumerate()
+        .map(|(i, resource)| wgpu::BindGroupEntry { binding: i as u32, resource: resource.clone() })
+        .collect();
+    let layout = pipeline.get_bind_group_layout(0);
+    device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout: &layout, entries: &entries })
+}
+
+fn create_buffer(device: &wgpu::Device, label: &str, bytes: usize, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size: bytes as u64,
+        usage: usage | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
+}

@@ -1,0 +1,180 @@
+//! All fields' tables in one storage buffer: instances share them, and no binding arrays are needed.
+
+use range_alloc::RangeAllocator;
+use thiserror::Error;
+
+use crate::field::lookup::TableShape;
+use crate::field::{BoundingSphere, VisibilityField};
+
+/// First size of the buffer in words: 16 MiB, some three default tables.
+const FIRST_WORDS: u64 = 4 << 20;
+
+/// Why a field cannot be uploaded.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum PoolError {
+    /// The pool would exceed what the adapter can bind at once.
+    #[error(
+        "a table of {bytes} bytes does not fit the field pool of at most {limit} bytes; bake smaller tables (fewer \
+         entries or exits) or use fewer meshes"
+    )]
+    Full {
+        /// Bytes that were asked for.
+        bytes: u64,
+        /// Largest pool that the adapter can bind, in bytes.
+        limit: u64,
+    },
+}
+
+/// Where a field lies in the pool. Give it back with [`FieldPool::remove`].
+#[derive(Debug)]
+pub struct FieldSlot {
+    words: std::ops::Range<u64>,
+    shape: TableShape,
+    bounds: BoundingSphere,
+}
+
+impl FieldSlot {
+    /// Where the table starts, in bytes.
+    pub fn first_byte(&self) -> u32 {
+        (self.words.start * 4) as u32
+    }
+
+    /// The sides of the table's grids.
+    pub fn shape(&self) -> TableShape {
+        self.shape
+    }
+
+    /// The field's bounding sphere in its mesh's space.
+    pub fn bounds(&self) -> &BoundingSphere {
+        &self.bounds
+    }
+}
+
+/// What a pool has done, to see that a field is uploaded once however many instances use it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PoolStatistics {
+    /// Fields uploaded so far.
+    pub uploads: u64,
+    /// Bytes uploaded so far.
+    pub uploaded_bytes: u64,
+    /// Bytes that resident fields occupy.
+    pub resident_bytes: u64,
+    /// Size of the buffer in bytes.
+    pub buffer_bytes: u64,
+}
+
+/// All resident fields' tables in one growing storage buffer.
+///
+/// ```no_run
+/// # fn upload(device: &wgpu::Device, queue: &wgpu::Queue, field: &visfield::VisibilityField) {
+/// use visfield::gpu::FieldPool;
+/// let mut pool = FieldPool::new(device);
+/// let slot = pool.insert(device, queue, field).expect("the first table fits");
+/// assert_eq!(pool.statistics().uploads, 1);
+/// pool.remove(slot);
+/// # }
+/// ```
+#[derive(Debug)]
+pub struct FieldPool {
+    buffer: wgpu::Buffer,
+    words: RangeAllocator<u64>,
+    limit_words: u64,
+    statistics: PoolStatistics,
+}
+
+impl FieldPool {
+    /// An empty pool. Its buffer grows up to the device's limit for storage bindings.
+    pub fn new(device: &wgpu::Device) -> Self {
+        let limits = device.limits();
+        // Positions are u32 byte offsets in the shader.
+        let limit_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(u64::from(u32::MAX));
+        let limit_words = limit_bytes / 4;
+        let first = FIRST_WORDS.min(limit_words);
+        Self {
+            buffer: create_buffer(device, first),
+            words: RangeAllocator::new(0..first),
+            limit_words,
+            statistics: PoolStatistics { buffer_bytes: first * 4, ..PoolStatistics::default() },
+        }
+    }
+
+    /// Uploads a field's table.
+    ///
+    /// # Errors
+    /// [`PoolError::Full`] if the adapter's limit leaves no room; the pool stays as it was.
+    pub fn insert(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        field: &VisibilityField,
+    ) -> Result<FieldSlot, PoolError> {
+        let table = field.table();
+        let words = (table.len() as u64).div_ceil(4);
+        let range = match self.words.allocate_range(words) {
+            Ok(range) => range,
+            Err(_) => {
+                self.grow(device, queue, words)?;
+                self.words.allocate_range(words).map_err(|_| self.full(words))?
+            }
+        };
+        // Writes come in whole words; the buffer's slack after the table is never read.
+        let whole = table.len() & !3;
+        queue.write_buffer(&self.buffer, range.start * 4, &table[..whole]);
+        if whole < table.len() {
+            let mut last = [0; 4];
+            last[..table.len() - whole].copy_from_slice(&table[whole..]);
+            queue.write_buffer(&self.buffer, range.start * 4 + whole as u64, &last);
+        }
+        self.statistics.uploads += 1;
+        self.statistics.uploaded_bytes += words * 4;
+        self.statistics.resident_bytes += words * 4;
+        Ok(FieldSlot { words: range, shape: field.shape(), bounds: field.header().bounds })
+    }
+
+    /// Frees a field's place. Frames already encoded may still read it; its bytes stay until the next insertion.
+    pub fn remove(&mut self, slot: FieldSlot) {
+        self.statistics.resident_bytes -= (slot.words.end - slot.words.start) * 4;
+        self.words.free_range(slot.words);
+    }
+
+    /// What the pool has done so far.
+    pub fn statistics(&self) -> PoolStatistics {
+        self.statistics
+    }
+
+    /// The buffer that shaders read tables from. Growth replaces it, so ask again each frame.
+    pub fn buffer(&self) -> &wgpu::Buffer {
+        &self.buffer
+    }
+
+    /// Moves the tables to a buffer that has room for `words` more at its end.
+    fn grow(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, words: u64) -> Result<(), PoolError> {
+        let old = self.statistics.buffer_bytes / 4;
+        let new = (old * 2).max(old + words).min(self.limit_words);
+        if new < old + words {
+            return Err(self.full(words));
+        }
+        let buffer = create_buffer(device, new);
+        let mut encoder =
+            device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("grow field pool") });
+        encoder.copy_buffer_to_buffer(&self.buffer, 0, &buffer, 0, old * 4);
+        queue.submit([encoder.finish()]);
+        self.buffer = buffer;
+        self.words.grow_to(new);
+        self.statistics.buffer_bytes = new * 4;
+        Ok(())
+    }
+
+    fn full(&self, words: u64) -> PoolError {
+        PoolError::Full { bytes: words * 4, limit: self.limit_words * 4 }
+    }
+}
+
+fn create_buffer(device: &wgpu::Device, words: u64) -> wgpu::Buffer {
+    device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("field pool"),
+        size: words * 4,
+        usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    })
+}

@@ -1,0 +1,164 @@
+// Rays against one field, in field space. Twins: field/{octahedral,chord,lookup,query}.rs, same names, same order of
+// operations, so that both sides agree on table indices.
+//
+// Expects `tables: array<u32>`, the packed bytes of all fields, to be declared by the including shader.
+
+// The code of a chord without a hit; codes below are fractions in steps of 1/254.
+const NO_HIT_CODE: u32 = 255u;
+const FRACTION_QUANTUM: f32 = 1.0 / 254.0;
+// Stands for "no hit" where Rust has `None`. WGSL has no portable infinity.
+const NO_HIT: f32 = 3.0e38;
+const GRAZING: f32 = 1.0e-3;
+const HALF_QUANTUM: f32 = 0.5 / 254.0;
+const MAX_SLOPE: f32 = 4.0;
+// √4π
+const SQRT_SPHERE: f32 = 3.5449077;
+
+// One table among `tables`: its first byte, and the sides of its two grids.
+struct TableShape {
+    first_byte: u32,
+    entries: u32,
+    exits: u32,
+}
+
+// t_half is 0 if the line misses the sphere.
+struct Chord {
+    middle: vec3<f32>,
+    t_middle: f32,
+    t_half: f32,
+}
+
+// A hit at fraction s lies s·length − before past the aim point.
+struct Lookup {
+    index: u32,
+    before: f32,
+    length: f32,
+}
+
+struct Bias {
+    constant: f32,
+    slope: f32,
+}
+
+fn fold(uv: vec2<f32>) -> vec2<f32> {
+    return (1.0 - abs(uv.yx)) * select(vec2<f32>(-1.0), vec2<f32>(1.0), uv >= vec2<f32>(0.0));
+}
+
+fn octahedral_cell(p: vec3<f32>, side: u32) -> u32 {
+    let folded = p.xy / (abs(p.x) + abs(p.y) + abs(p.z));
+    let uv = select(folded, fold(folded), p.z < 0.0);
+    let grid = floor((uv * 0.5 + 0.5) * f32(side));
+    let last = side - 1u;
+    let cell = min(vec2<u32>(max(grid, vec2<f32>(0.0))), vec2<u32>(last));
+    return cell.y * side + cell.x;
+}
+
+fn octahedral_direction(cell: u32, side: u32) -> vec3<f32> {
+    let grid = vec2<f32>(f32(cell % side), f32(cell / side));
+    let uv = (grid + 0.5) / f32(side) * 2.0 - 1.0;
+    let z = 1.0 - abs(uv.x) - abs(uv.y);
+    let xy = select(uv, fold(uv), z < 0.0);
+    return normalize(vec3<f32>(xy, z));
+}
+
+fn cell_width(side: u32) -> f32 {
+    return SQRT_SPHERE / f32(side);
+}
+
+fn chord(origin: vec3<f32>, direction: vec3<f32>) -> Chord {
+    let a = dot(direction, direction);
+    let t_middle = -dot(origin, direction) / a;
+    let middle = origin + direction * t_middle;
+    let inside = 1.0 - dot(middle, middle);
+    if inside > 0.0 {
+        return Chord(middle, t_middle, sqrt(inside / a));
+    }
+    return Chord(middle, t_middle, 0.0);
+}
+
+fn table_index(shape: TableShape, entry: u32, exit: u32) -> u32 {
+    return entry * (shape.exits * shape.exits) + exit;
+}
+
+fn aimed_lookup(shape: TableShape, start: vec3<f32>, end: vec3<f32>, aim: vec3<f32>) -> Lookup {
+    let entry = octahedral_cell(start, shape.entries);
+    let center = octahedral_direction(entry, shape.entries);
+    let to_aim = aim - center;
+    let inward = -dot(center, to_aim);
+    let squared = dot(to_aim, to_aim);
+    if inward > GRAZING * sqrt(squared) {
+        let stretch = 2.0 * inward / squared;
+        let exit = octahedral_cell(center + to_aim * stretch, shape.exits);
+        let before = sqrt(squared);
+        return Lookup(table_index(shape, entry, exit), before, stretch * before);
+    }
+    let exit = octahedral_cell(end, shape.exits);
+    return Lookup(table_index(shape, entry, exit), length(aim - start), length(end - start));
+}
+
+fn forward_lookup(shape: TableShape, direction: vec3<f32>, c: Chord) -> Lookup {
+    let half = direction * c.t_half;
+    return aimed_lookup(shape, c.middle - half, c.middle + half, c.middle);
+}
+
+fn reversed_lookup(shape: TableShape, origin: vec3<f32>, direction: vec3<f32>, c: Chord) -> Lookup {
+    let half = direction * c.t_half;
+    return aimed_lookup(shape, c.middle + half, c.middle - half, origin);
+}
+
+// The code stored for a chord.
+fn code(shape: TableShape, index: u32) -> u32 {
+    let byte = shape.first_byte + index;
+    return (tables[byte >> 2u] >> ((byte & 3u) * 8u)) & 0xffu;
+}
+
+fn bias_distance(bias: Bias, exits: u32, before: f32, length: f32, cosine: f32) -> f32 {
+    let c = clamp(cosine, 0.05, 1.0);
+    let slope = min(sqrt(1.0 - c * c) / c, MAX_SLOPE);
+    let spread = cell_width(exits) * before / max(length, 1.1754944e-38);
+    return length * HALF_QUANTUM + spread * (bias.constant + bias.slope * slope);
+}
+
+fn first_hit_on_chord(shape: TableShape, direction: vec3<f32>, c: Chord) -> f32 {
+    let lookup = forward_lookup(shape, direction, c);
+    let code = code(shape, lookup.index);
+    if code == NO_HIT_CODE {
+        return NO_HIT;
+    }
+    let past_middle = f32(code) * FRACTION_QUANTUM * lookup.length - lookup.before;
+    return c.t_middle + past_middle / length(direction);
+}
+
+fn occluded(
+    shape: TableShape,
+    origin: vec3<f32>,
+    direction: vec3<f32>,
+    t_max: f32,
+    cosine: f32,
+    bias: Bias,
+) -> bool {
+    let c = chord(origin, direction);
+    let t_entry = c.t_middle - c.t_half;
+    if c.t_half == 0.0 || c.t_middle + c.t_half <= 0.0 || t_entry >= t_max {
+        return false;
+    }
+    if t_entry >= 0.0 {
+        return first_hit_on_chord(shape, direction, c) < t_max;
+    }
+    let lookup = reversed_lookup(shape, origin, direction, c);
+    let code = code(shape, lookup.index);
+    if code == NO_HIT_CODE {
+        return false;
+    }
+    let scale = 1.0 / length(direction);
+    let t_last = (lookup.before - f32(code) * FRACTION_QUANTUM * lookup.length) * scale;
+    let t_bias = bias_distance(bias, shape.exits, lookup.before, lookup.length, cosine) * scale;
+    if t_last <= t_bias {
+        return false;
+    }
+    if t_last < t_max {
+        return true;
+    }
+    let t_first = first_hit_on_chord(shape, direction, c);
+    return t_first > t_bias && t_first < t_max;
+}

@@ -1,0 +1,126 @@
+// The trace pass: a few rays per pixel and estimator, against every instance that can matter. Twin: estimate/frame.rs.
+// Joined after field.wgsl and frame.wgsl.
+
+// Layout: gpu/layout.rs, `InstanceData`.
+struct Instance {
+    // Rows of the affine map from the camera-relative world to field space.
+    field_from_world: array<vec4<f32>, 3>,
+    center: vec3<f32>,
+    radius: f32,
+    first_byte: u32,
+    entries: u32,
+    exits: u32,
+    padding: u32,
+}
+
+@group(0) @binding(3) var<storage, read> tables: array<u32>;
+@group(0) @binding(4) var<storage, read> instances: array<Instance>;
+// Points of the sphere (16 × ambient_rays), then points of the disc (16 × shadow_rays).
+@group(0) @binding(5) var<storage, read> samples: array<vec4<f32>>;
+// Occlusion: ambient, and lights 0, 1, 2.
+@group(0) @binding(6) var noisy_texture: texture_storage_2d<rgba16float, write>;
+
+const INTERLEAVE_COUNT: u32 = 16u;
+
+fn interleave_index(x: u32, y: u32) -> u32 {
+    let diagonal = x ^ y;
+    return ((diagonal & 1u) << 3u) | ((y & 1u) << 2u) | (diagonal & 2u) | ((y & 2u) >> 1u);
+}
+
+fn cosine_direction(normal: vec3<f32>, point: vec3<f32>) -> vec3<f32> {
+    let direction = normal + point;
+    let squared = dot(direction, direction);
+    if squared > 1.0e-8 {
+        return direction / sqrt(squared);
+    }
+    return normal;
+}
+
+fn disc_direction(light: Light, point: vec2<f32>) -> vec3<f32> {
+    return normalize(light.axis + light.tangent * point.x + light.bitangent * point.y);
+}
+
+fn to_field(instance: Instance, v: vec4<f32>) -> vec3<f32> {
+    let rows = instance.field_from_world;
+    return vec3<f32>(dot(rows[0], v), dot(rows[1], v), dot(rows[2], v));
+}
+
+// Whether a sphere can block any ray of the receiver's hemisphere within reach.
+fn above_surface(to_center: vec3<f32>, radius: f32, normal: vec3<f32>) -> bool {
+    return dot(to_center, normal) > -radius;
+}
+
+// Whether a sphere can block any ray towards the light's disc: whether it meets the cone of those rays.
+fn meets_cone(to_center: vec3<f32>, radius: f32, light: Light) -> bool {
+    let along = dot(to_center, light.axis);
+    let across = length(to_center - light.axis * along);
+    return along > -radius && across * light.cosine - along * light.sine < radius;
+}
+
+@compute @workgroup_size(8, 8)
+fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
+    let pixel = id.xy;
+    if any(pixel >= frame.viewport_size) {
+        return;
+    }
+    let receiver = receiver_at(pixel);
+    if receiver.depth == 0.0 {
+        textureStore(noisy_texture, pixel, vec4<f32>(0.0));
+        return;
+    }
+    let residue = interleave_index(pixel.x, pixel.y);
+    let bias = Bias(frame.bias_constant, frame.bias_slope);
+    // One bit per ray, set once something blocks it.
+    var ambient_blocked = 0u;
+    var light_blocked = array<u32, MAX_LIGHTS>(0u, 0u, 0u);
+
+    for (var i = 0u; i < frame.instance_count; i++) {
+        let to_center = instances[i].center - receiver.position;
+        let radius = instances[i].radius;
+        if !above_surface(to_center, radius, receiver.normal) {
+            continue;
+        }
+        let shape = TableShape(instances[i].first_byte, instances[i].entries, instances[i].exits);
+        let origin = to_field(instances[i], vec4<f32>(receiver.position, 1.0));
+        if length(to_center) - radius < frame.max_distance {
+            for (var ray = 0u; ray < frame.ambient_rays; ray++) {
+                if (ambient_blocked & (1u << ray)) != 0u {
+                    continue;
+                }
+                let point = samples[ray * INTERLEAVE_COUNT + residue].xyz;
+                let direction = cosine_direction(receiver.normal, point);
+                let along = to_field(instances[i], vec4<f32>(direction, 0.0));
+                let cosine = dot(receiver.normal, direction);
+                if occluded(shape, origin, along, frame.max_distance, cosine, bias) {
+                    ambient_blocked |= 1u << ray;
+                }
+            }
+        }
+        for (var l = 0u; l < frame.light_count; l++) {
+            let light = frame.lights[l];
+            if dot(receiver.normal, light.axis) <= 0.0 || !meets_cone(to_center, radius, light) {
+                continue;
+            }
+            for (var ray = 0u; ray < frame.shadow_rays; ray++) {
+                if (light_blocked[l] & (1u << ray)) != 0u {
+                    continue;
+                }
+                let point = samples[(frame.ambient_rays + ray) * INTERLEAVE_COUNT + residue].xy;
+                let direction = disc_direction(light, point);
+                let along = to_field(instances[i], vec4<f32>(direction, 0.0));
+                let cosine = dot(receiver.normal, direction);
+                if occluded(shape, origin, along, NO_HIT, cosine, bias) {
+                    light_blocked[l] |= 1u << ray;
+                }
+            }
+        }
+    }
+
+    var occlusion = vec4<f32>(0.0);
+    occlusion.x = f32(countOneBits(ambient_blocked)) / f32(max(frame.ambient_rays, 1u));
+    for (var l = 0u; l < frame.light_count; l++) {
+        let fraction = f32(countOneBits(light_blocked[l])) / f32(max(frame.shadow_rays, 1u));
+        occlusion[frame.lights[l].channel + 1u] = fraction;
+    }
+    textureStore(noisy_texture, pixel, occlusion);
+}

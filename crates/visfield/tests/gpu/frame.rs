@@ -1,0 +1,245 @@
+//! Whole passes: a small frame on the GPU against the same frame on the CPU.
+
+use glam::{DAffine3, DVec3, EulerRot, Mat4, UVec2, Vec3, Vec4, dvec3, uvec2, vec3};
+use visfield::estimate::frame::{FrameLight, GeometryBuffer, TraceSettings, denoise, trace};
+use visfield::field::{VisibilityField, ball_field};
+use visfield::gpu::layout::InstanceData;
+use visfield::gpu::{FieldPool, FrameInputs, OUTPUT_FORMAT, OcclusionPasses, OcclusionView};
+use visfield::scene::Placement;
+
+use super::device::{device, read_buffer};
+
+const SIZE: UVec2 = uvec2(48, 40);
+const NEAR: f32 = 0.1;
+
+/// A camera above a ground plane with a step in it (an edge that the denoiser must keep) and sky at the top.
+fn geometry() -> GeometryBuffer {
+    let projection = Mat4::perspective_infinite_reverse_rh(1.0, SIZE.x as f32 / SIZE.y as f32, NEAR);
+    let world_from_view = Mat4::look_to_rh(Vec3::ZERO, vec3(0.0, -0.6, -0.8), Vec3::Y).inverse();
+    let mut geometry = GeometryBuffer {
+        world_from_clip: world_from_view * projection.inverse(),
+        size: SIZE,
+        depth: vec![],
+        normals: vec![Vec3::Y; (SIZE.x * SIZE.y) as usize],
+    };
+    for pixel in geometry.pixels() {
+        let along = geometry.position_at(pixel.as_vec2(), 0.5).normalize();
+        let height = if pixel.x < 20 { -2.0 } else { -1.5 };
+        let hit = along * (height / along.y);
+        let view_depth = world_from_view.inverse().transform_point3(hit).z;
+        let visible = along.y < -0.05;
+        geometry.depth.push(if visible { NEAR / -view_depth } else { 0.0 });
+    }
+    geometry
+}
+
+fn texture(device: &wgpu::Device, format: wgpu::TextureFormat, usage: wgpu::TextureUsages) -> wgpu::Texture {
+    device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d { width: SIZE.x, height: SIZE.y, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    })
+}
+
+/// A depth texture cannot be written from the CPU; a tiny pass draws the values into it.
+fn depth_texture(device: &wgpu::Device, queue: &wgpu::Queue, depth: &[f32]) -> wgpu::Texture {
+    let usages = wgpu::TextureUsages::TEXTURE_BINDING;
+    let values = texture(device, wgpu::TextureFormat::R32Float, usages | wgpu::TextureUsages::COPY_DST);
+    upload(queue, &values, bytemuck::cast_slice(depth), 4);
+    let target = texture(device, wgpu::TextureFormat::Depth32Float, usages | wgpu::TextureUsages::RENDER_ATTACHMENT);
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(include_str!("depth.wgsl").into()),
+    });
+    let bindings = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: None,
+        entries: &[wgpu::BindGroupLayoutEntry {
+            binding: 0,
+            visibility: wgpu::ShaderStages::FRAGMENT,
+            ty: wgpu::BindingType::Texture {
+                sample_type: wgpu::TextureSampleType::Float { filterable: false },
+                view_dimension: wgpu::TextureViewDimension::D2,
+                multisampled: false,
+            },
+            count: None,
+        }],
+    });
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: None,
+        bind_group_layouts: &[Some(&bindings)],
+        immediate_size: 0,
+    });
+    let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: None,
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("vertex"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: wgpu::TextureFormat::Depth32Float,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(wgpu::CompareFunction::Always),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("fragment"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &[],
+        }),
+        multiview_mask: None,
+        cache: None,
+    });
+    let bind_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: &bindings,
+        entries: &[wgpu::BindGroupEntry {
+            binding: 0,
+            resource: wgpu::BindingResource::TextureView(&values.create_view(&wgpu::TextureViewDescriptor::default())),
+        }],
+    });
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    {
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &target.create_view(&wgpu::TextureViewDescriptor::default()),
+                depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store }),
+                stencil_ops: None,
+            }),
+            ..Default::default()
+        });
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &bind_group, &[]);
+        pass.draw(0..3, 0..1);
+    }
+    queue.submit([encoder.finish()]);
+    target
+}
+
+fn upload(queue: &wgpu::Queue, texture: &wgpu::Texture, data: &[u8], bytes_per_texel: u32) {
+    queue.write_texture(
+        texture.as_image_copy(),
+        data,
+        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(SIZE.x * bytes_per_texel), rows_per_image: None },
+        texture.size(),
+    );
+}
+
+fn read_rgba16(device: &wgpu::Device, queue: &wgpu::Queue, texture: &wgpu::Texture) -> Vec<Vec4> {
+    let row = (SIZE.x * 8).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+    let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: u64::from(row * SIZE.y),
+        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    });
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    encoder.copy_texture_to_buffer(
+        texture.as_image_copy(),
+        wgpu::TexelCopyBufferInfo {
+            buffer: &buffer,
+            layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None },
+        },
+        texture.size(),
+    );
+    queue.submit([encoder.finish()]);
+    let bytes = read_buffer(device, queue, &buffer, buffer.size());
+    let half = |bytes: &[u8]| half::f16::from_le_bytes([bytes[0], bytes[1]]).to_f32();
+    let texel = |bytes: &[u8]| Vec4::from_array(std::array::from_fn(|i| half(&bytes[i * 2..])));
+    bytes.chunks(row as usize).flat_map(|line| line[..SIZE.x as usize * 8].chunks(8).map(texel)).collect()
+}
+
+#[test]
+fn the_passes_compute_what_their_twins_compute() {
+    let Some((device, queue)) = device() else { return };
+    let geometry = geometry();
+    let fields: [VisibilityField; 2] = [ball_field(0.9, 33, 16), ball_field(0.5, 17, 9)];
+    let mut pool = FieldPool::new(&device);
+    let slots = fields.each_ref().map(|field| pool.insert(&device, &queue, field).unwrap());
+    let place = |field: usize, world_from_mesh: DAffine3| {
+        let bounds = &fields[field].header().bounds;
+        (Placement::new(bounds, world_from_mesh, DVec3::ZERO).unwrap(), field)
+    };
+    let squeezed = DAffine3::from_scale_rotation_translation(
+        dvec3(0.4, -1.2, 0.7),
+        glam::DQuat::from_euler(EulerRot::XYZ, 0.4, 0.5, 0.6),
+        dvec3(0.9, -1.2, -2.6),
+    );
+    let placements = [
+        place(0, DAffine3::from_translation(dvec3(-0.5, -1.4, -3.0))),
+        place(1, squeezed),
+        place(1, DAffine3::from_translation(dvec3(0.2, -1.5, -2.0))),
+    ];
+    let lights = [FrameLight::new(2, vec3(0.5, 1.0, 0.3).normalize(), 0.1), FrameLight::new(0, Vec3::Y, 0.02)];
+    let settings = TraceSettings { ambient_rays: 5, shadow_rays: 3, max_distance: 2.5, ..TraceSettings::default() };
+
+    let instances: Vec<_> = placements.iter().map(|(p, field)| InstanceData::new(&slots[*field], p)).collect();
+    let normals: Vec<u8> = geometry
+        .normals
+        .iter()
+        .flat_map(|n| ((*n + 1.0) * 127.5).extend(0.0).to_array())
+        .map(|v| v.round() as u8)
+        .collect();
+    let usages = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
+    let normal_texture = texture(&device, wgpu::TextureFormat::Rgba8Unorm, usages);
+    upload(&queue, &normal_texture, &normals, 4);
+    let depth_texture = depth_texture(&device, &queue, &geometry.depth);
+    let output = texture(&device, OUTPUT_FORMAT, wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC);
+    let view_of = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    OcclusionPasses::check(&device.limits()).unwrap();
+    OcclusionPasses::new(&device).encode(
+        &device,
+        &queue,
+        &mut encoder,
+        &pool,
+        &mut OcclusionView::new(),
+        &FrameInputs {
+            depth: &view_of(&depth_texture),
+            normals: &view_of(&normal_texture),
+            output: &view_of(&output),
+            viewport: (UVec2::ZERO, SIZE),
+            world_from_clip: geometry.world_from_clip,
+            instances: &instances,
+            lights: &lights,
+            settings,
+        },
+    );
+    queue.submit([encoder.finish()]);
+    let gpu = read_rgba16(&device, &queue, &output);
+
+    // The twin sees the normals as the texture holds them.
+    let quantised = |n: &Vec3| ((*n + 1.0) * 127.5).round() / 127.5 - 1.0;
+    let geometry = GeometryBuffer { normals: geometry.normals.iter().map(quantised).collect(), ..geometry };
+    let referenced: Vec<_> = placements.iter().map(|(p, field)| (*p, &fields[*field])).collect();
+    let cpu = denoise(&geometry, &trace(&geometry, &referenced, &lights, &settings));
+
+    let mut touched = [0; 4];
+    let mut differing = 0;
+    for (i, (gpu, cpu)) in gpu.iter().zip(&cpu).enumerate() {
+        let encoded = Vec4::new(1.0 - cpu.x, cpu.y, cpu.z, 1.0 - cpu.w);
+        for (channel, count) in touched.iter_mut().enumerate() {
+            *count += usize::from(cpu[channel] > 0.05);
+        }
+        // A rounding difference moves a ray's table index at a cell border, and the ray's answer with it: seldom.
+        differing += usize::from((*gpu - encoded).abs().max_element() > 0.002);
+        if geometry.depth[i] == 0.0 {
+            assert_eq!(*gpu, Vec4::new(1.0, 0.0, 0.0, 1.0), "the sky is not occluded");
+        }
+    }
+    println!("{differing} of {} pixels differ by more than 0.002; touched {touched:?}", gpu.len());
+    assert!(touched[0] > 200 && touched[1] > 50 && touched[3] > 50, "the frame shows something: {touched:?}");
+    assert_eq!(touched[2], 0, "no light fills channel 1");
+    assert!(differing <= gpu.len() / 200, "{differing} of {} pixels differ", gpu.len());
+}

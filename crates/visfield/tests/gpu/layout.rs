@@ -1,0 +1,83 @@
+//! Every composed entry point validates, and Rust's layouts are WGSL's.
+
+use std::mem::offset_of;
+
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use visfield::gpu::layout::{FrameUniform, InstanceData, LightData};
+
+fn parse(source: &str) -> naga::Module {
+    let module =
+        naga::front::wgsl::parse_str(source).unwrap_or_else(|error| panic!("{}", error.emit_to_string(source)));
+    Validator::new(ValidationFlags::all(), Capabilities::default())
+        .validate(&module)
+        .unwrap_or_else(|error| panic!("{}", error.emit_to_string(source)));
+    module
+}
+
+fn assert_layout(module: &naga::Module, name: &str, size: usize, offsets: &[(&str, usize)]) {
+    let (_, structure) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).expect(name);
+    let naga::TypeInner::Struct { members, span } = &structure.inner else { panic!("{name} is no struct") };
+    assert_eq!(*span as usize, size, "size of {name}");
+    let reflected: Vec<_> = members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset as usize)).collect();
+    assert_eq!(reflected, offsets, "members of {name}");
+}
+
+#[test]
+fn shaders_validate() {
+    for (source, entry) in [(visfield::gpu::trace_source(), "trace"), (visfield::gpu::denoise_source(), "denoise")] {
+        let module = parse(&source);
+        assert_eq!(module.entry_points.len(), 1);
+        assert_eq!(module.entry_points[0].name, entry);
+    }
+}
+
+#[test]
+fn rust_layouts_are_the_shaders_layouts() {
+    let module = parse(&visfield::gpu::trace_source());
+    assert_layout(
+        &module,
+        "Instance",
+        size_of::<InstanceData>(),
+        &[
+            ("field_from_world", offset_of!(InstanceData, field_from_world)),
+            ("center", offset_of!(InstanceData, center)),
+            ("radius", offset_of!(InstanceData, radius)),
+            ("first_byte", offset_of!(InstanceData, first_byte)),
+            ("entries", offset_of!(InstanceData, entries)),
+            ("exits", offset_of!(InstanceData, exits)),
+            ("padding", offset_of!(InstanceData, padding)),
+        ],
+    );
+    assert_layout(
+        &module,
+        "Light",
+        size_of::<LightData>(),
+        &[
+            ("axis", offset_of!(LightData, axis)),
+            ("cosine", offset_of!(LightData, cosine)),
+            ("tangent", offset_of!(LightData, tangent)),
+            ("sine", offset_of!(LightData, sine)),
+            ("bitangent", offset_of!(LightData, bitangent)),
+            ("channel", offset_of!(LightData, channel)),
+        ],
+    );
+    assert_layout(
+        &module,
+        "Frame",
+        size_of::<FrameUniform>(),
+        &[
+            ("world_from_clip", offset_of!(FrameUniform, world_from_clip)),
+            ("viewport_origin", offset_of!(FrameUniform, viewport_origin)),
+            ("viewport_size", offset_of!(FrameUniform, viewport_size)),
+            ("instance_count", offset_of!(FrameUniform, instance_count)),
+            ("ambient_rays", offset_of!(FrameUniform, ambient_rays)),
+            ("shadow_rays", offset_of!(FrameUniform, shadow_rays)),
+            ("light_count", offset_of!(FrameUniform, light_count)),
+            ("max_distance", offset_of!(FrameUniform, max_distance)),
+            ("bias_constant", offset_of!(FrameUniform, bias_constant)),
+            ("bias_slope", offset_of!(FrameUniform, bias_slope)),
+            ("padding", offset_of!(FrameUniform, padding)),
+            ("lights", offset_of!(FrameUniform, lights)),
+        ],
+    );
+}

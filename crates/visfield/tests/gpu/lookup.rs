@@ -1,0 +1,140 @@
+//! Single rays: the shader picks the table entries that its CPU twin picks.
+
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::TestRunner;
+use visfield::field::ball_field;
+use visfield::field::chord::chord;
+use visfield::field::lookup::{TableShape, forward_lookup, reversed_lookup};
+use visfield::field::octahedral::{cell_width, octahedral_direction};
+use visfield::field::query::Bias;
+
+use super::device::{buffer_with, device, read_buffer};
+
+const RAYS: usize = 100_000;
+const SHAPE: TableShape = TableShape { entries: 65, exits: 32 };
+const NONE: u32 = u32::MAX;
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Probe {
+    origin: [f32; 3],
+    t_max: f32,
+    direction: [f32; 3],
+    cosine: f32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Answer {
+    forward_index: u32,
+    reversed_index: u32,
+    occluded: u32,
+    bias: f32,
+}
+
+/// Rays from inside and outside the sphere, in all directions, of lengths 0.1 to 10, most of which meet the sphere.
+fn random_probes() -> Vec<Probe> {
+    let mut runner = TestRunner::deterministic();
+    let unit = || prop::array::uniform3(-1.0_f32..1.0);
+    let ray = (unit(), unit(), 0.1_f32..3.0, 0.1_f32..10.0, 0.1_f32..20.0, 0.0_f32..1.0);
+    let mut probe = || {
+        let (from, target, distance, length, t_max, cosine) = ray.new_tree(&mut runner).unwrap().current();
+        let origin = Vec3::from(from).normalize_or(Vec3::X) * distance;
+        let target = Vec3::from(target) * 0.7;
+        let direction = (target - origin).normalize_or(Vec3::Y) * length;
+        Probe { origin: origin.to_array(), t_max, direction: direction.to_array(), cosine }
+    };
+    (0..RAYS).map(|_| probe()).collect()
+}
+
+fn on_gpu(device: &wgpu::Device, queue: &wgpu::Queue, table: &[u8], probes: &[Probe]) -> Vec<Answer> {
+    let source = [visfield::gpu::FIELD_SOURCE, include_str!("lookup.wgsl")].concat();
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: None,
+        module: &module,
+        entry_point: None,
+        compilation_options: wgpu::PipelineCompilationOptions::default(),
+        cache: None,
+    });
+    let storage = wgpu::BufferUsages::STORAGE;
+    let answers = vec![Answer::zeroed(); probes.len()];
+    let buffers = [
+        buffer_with(device, queue, table, storage),
+        buffer_with(device, queue, bytemuck::cast_slice(probes), storage),
+        buffer_with(device, queue, bytemuck::cast_slice(&answers), storage | wgpu::BufferUsages::COPY_SRC),
+    ];
+    let entries: Vec<_> = (0..)
+        .zip(&buffers)
+        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+        .collect();
+    let layout = pipeline.get_bind_group_layout(0);
+    let bind_group =
+        device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries });
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &bind_group, &[]);
+        pass.dispatch_workgroups((probes.len() as u32).div_ceil(64), 1, 1);
+    }
+    queue.submit([encoder.finish()]);
+    let bytes = read_buffer(device, queue, &buffers[2], buffers[2].size());
+    bytemuck::pod_collect_to_vec(&bytes)
+}
+
+/// Whether two table positions are of the same or of adjacent cells, at both ends of the chord.
+fn at_most_one_cell_away(a: u32, b: u32) -> bool {
+    let exits = SHAPE.exits * SHAPE.exits;
+    let near = |a: u32, b: u32, side: u32| {
+        // Octahedral cells are at most some 1.7 mean widths from centre to centre along a diagonal.
+        octahedral_direction(a, side).distance(octahedral_direction(b, side)) < 3.0 * cell_width(side)
+    };
+    a != NONE && b != NONE && near(a / exits, b / exits, SHAPE.entries) && near(a % exits, b % exits, SHAPE.exits)
+}
+
+#[test]
+fn the_shader_picks_the_same_table_entries_as_its_twin() {
+    let Some((device, queue)) = device() else { return };
+    let field = ball_field(0.6, SHAPE.entries, SHAPE.exits);
+    let probes = random_probes();
+    let answers = on_gpu(&device, &queue, field.table(), &probes);
+
+    let mut different = 0;
+    let mut meeting = 0;
+    let mut different_hits = 0;
+    for (probe, answer) in probes.iter().zip(&answers) {
+        let (origin, direction) = (Vec3::from(probe.origin), Vec3::from(probe.direction));
+        let bias = Bias { constant: 0.25, slope: 0.5 };
+        let (mut forward, mut reversed) = (NONE, NONE);
+        if let Some(c) = chord(origin, direction) {
+            meeting += 1;
+            forward = forward_lookup(SHAPE, direction, &c).index;
+            let lookup = reversed_lookup(SHAPE, origin, direction, &c);
+            reversed = lookup.index;
+            if reversed == answer.reversed_index {
+                let distance = bias.distance(SHAPE.exits, lookup.before, lookup.length, probe.cosine);
+                assert!((answer.bias - distance).abs() <= 1e-4 * distance, "{} and {distance}", answer.bias);
+            }
+        }
+        for (mine, theirs) in [(forward, answer.forward_index), (reversed, answer.reversed_index)] {
+            if mine != theirs {
+                different += 1;
+                assert!(at_most_one_cell_away(mine, theirs), "{mine} and {theirs} for {origin} → {direction}");
+            }
+        }
+        let occluded = field.occluded(origin, direction, probe.t_max, probe.cosine, bias);
+        different_hits += usize::from(occluded != (answer.occluded == 1));
+    }
+    println!("{different} of {} indices and {different_hits} of {RAYS} hits differ; {meeting} rays meet", 2 * RAYS);
+    assert!(meeting > RAYS / 2, "only {meeting} rays meet the sphere");
+    assert!(different <= 2 * RAYS / 10_000, "{different} of {} indices differ", 2 * RAYS);
+    assert!(different_hits <= RAYS / 2_000, "{different_hits} of {RAYS} hits differ");
+}

@@ -1,0 +1,39 @@
+// One thread per ray: which table entries the ray's lookups pick, and whether it is occluded.
+
+struct Probe {
+    origin: vec3<f32>,
+    t_max: f32,
+    direction: vec3<f32>,
+    cosine: f32,
+}
+
+struct Answer {
+    forward_index: u32,
+    reversed_index: u32,
+    occluded: u32,
+    bias: f32,
+}
+
+@group(0) @binding(0) var<storage, read> tables: array<u32>;
+@group(0) @binding(1) var<storage, read> probes: array<Probe>;
+@group(0) @binding(2) var<storage, read_write> answers: array<Answer>;
+
+@compute @workgroup_size(64)
+fn probe(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= arrayLength(&probes) {
+        return;
+    }
+    let shape = TableShape(0u, 65u, 32u);
+    let bias = Bias(0.25, 0.5);
+    let ray = probes[id.x];
+    let c = chord(ray.origin, ray.direction);
+    var answer = Answer(0xffffffffu, 0xffffffffu, 0u, 0.0);
+    if c.t_half > 0.0 {
+        answer.forward_index = forward_lookup(shape, ray.direction, c).index;
+        let reversed = reversed_lookup(shape, ray.origin, ray.direction, c);
+        answer.reversed_index = reversed.index;
+        answer.bias = bias_distance(bias, shape.exits, reversed.before, reversed.length, ray.cosine);
+    }
+    answer.occluded = u32(occluded(shape, ray.origin, ray.direction, ray.t_max, ray.cosine, bias));
+    answers[id.x] = answer;
+}

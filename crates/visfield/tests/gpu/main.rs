@@ -1,0 +1,7 @@
+//! GPU against CPU twin: layouts, table indices, whole passes, and the pool.
+
+mod device;
+mod frame;
+mod layout;
+mod lookup;
+mod pool;

@@ -1,0 +1,49 @@
+//! The pool keeps every table intact while it grows and frees, and says when it is full.
+
+use visfield::VisibilityField;
+use visfield::field::ball_field;
+use visfield::gpu::{FieldPool, FieldSlot, PoolError};
+
+use super::device::{device, read_buffer};
+
+#[test]
+fn tables_survive_growth_and_removal() {
+    let Some((device, queue)) = device() else { return };
+    let mut pool = FieldPool::new(&device);
+    // 3.9 MB each; odd sizes leave tables that do not end on a word. Five of them outgrow the first 16 MiB.
+    let fields: Vec<VisibilityField> = (0..5).map(|i| ball_field(0.3 + 0.1 * i as f32, 63 - (i & 1), 31)).collect();
+    let mut slots: Vec<FieldSlot> = fields.iter().map(|f| pool.insert(&device, &queue, f).unwrap()).collect();
+    let tables: u64 = fields.iter().map(|f| (f.table().len() as u64).next_multiple_of(4)).sum();
+    let before = pool.statistics();
+    assert_eq!((before.uploads, before.uploaded_bytes, before.resident_bytes), (5, tables, tables));
+    assert!(before.buffer_bytes > 16 << 20, "it had to grow");
+
+    pool.remove(slots.remove(1));
+    slots.insert(1, pool.insert(&device, &queue, &fields[1]).unwrap());
+    assert_eq!(pool.statistics().buffer_bytes, before.buffer_bytes, "the freed place is used again");
+    assert_eq!(pool.statistics().resident_bytes, tables);
+
+    let content = read_buffer(&device, &queue, pool.buffer(), before.buffer_bytes);
+    for (slot, field) in slots.iter().zip(&fields) {
+        let start = slot.first_byte() as usize;
+        assert!(content[start..start + field.table().len()] == *field.table(), "table at {start}");
+    }
+}
+
+#[test]
+fn a_full_pool_says_so_and_stays_usable() {
+    let Some((device, queue)) = device() else { return };
+    let limit = device.limits().max_storage_buffer_binding_size;
+    let mut pool = FieldPool::new(&device);
+    // 33 MB each, against the default limit of 128 MiB.
+    let large = ball_field(0.5, 90, 64);
+    let fitting = (limit / large.table().len() as u64) as usize;
+    for _ in 0..fitting {
+        if let Err(error) = pool.insert(&device, &queue, &large) {
+            // Growth is at the end only, so the last one may miss the room that is left before it.
+            assert_eq!(error, PoolError::Full { bytes: large.table().len() as u64, limit });
+        }
+    }
+    assert!(matches!(pool.insert(&device, &queue, &large), Err(PoolError::Full { .. })));
+    assert!(pool.insert(&device, &queue, &ball_field(0.5, 9, 8)).is_ok(), "small ones still fit");
+}
