@@ -1,0 +1,139 @@
+//! Exact rays against triangles: a compressed wide BVH of crate `obvhs` (Ylitie et al., *Efficient Incoherent Ray Traversal
+//! on GPUs Through Compressed Wide BVHs*, 2017).
+//!
+//! This is the only module that speaks `obvhs`, whose `glam` is another version than ours: vectors cross as arrays.
+
+use std::time::Duration;
+
+use glam::{DVec3, Vec3};
+use obvhs::BvhBuildParams;
+use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
+use obvhs::ray::{Ray, RayHit};
+use obvhs::rt_triangle::RtTriangle;
+use obvhs::triangle::Triangle;
+
+/// Triangles that answer rays, from both sides alike.
+///
+/// Ray parameters t count direction vectors, which need no normalisation. Rays with a zero or non-finite direction or
+/// origin hit nothing.
+///
+/// ```
+/// use glam::{DVec3, Vec3, dvec3, vec3};
+/// use visfield_bake::TriangleBvh;
+/// let floor = [dvec3(-1.0, 0.0, -1.0), dvec3(1.0, 0.0, -1.0), dvec3(0.0, 0.0, 1.0)];
+/// let triangles = TriangleBvh::new(&[floor]);
+/// let t = triangles.closest_hit(vec3(0.0, 3.0, 0.0), vec3(0.0, -2.0, 0.0), f32::INFINITY);
+/// assert_eq!(t, Some(1.5));
+/// assert!(!triangles.occluded(vec3(0.0, 3.0, 0.0), vec3(0.0, -2.0, 0.0), 0.0, 1.4));
+/// ```
+pub struct TriangleBvh {
+    /// `None` without triangles, which the builder does not take.
+    bvh: Option<CwBvh>,
+    /// In the order of the BVH's leaves, so that no index stands between a leaf and its triangles.
+    triangles: Vec<RtTriangle>,
+    /// Brings the triangles to about [`SIZE`].
+    scale: f32,
+    extent: f32,
+}
+
+/// Binary exponent of the largest coordinate as `obvhs` sees it. A power of two scales exactly, and keeps products of tiny
+/// or huge coordinates in the range of `f32`. Well above 1, because `obvhs` 0.4 never enters boxes that a ray leaves before
+/// t = 10⁻⁴.
+const SIZE: i32 = 10;
+
+impl TriangleBvh {
+    /// Builds the BVH over triangles with finite corners, which are rounded to `f32`.
+    pub fn new(corners: &[[DVec3; 3]]) -> Self {
+        let extent = corners.as_flattened().iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+        // Clamped so that the scale itself stays a normal number.
+        let exponent = extent.max(f64::MIN_POSITIVE).log2().floor().clamp(-110.0, 110.0) as i32;
+        let scale = 2.0_f64.powi(SIZE - exponent);
+        let soup: Vec<Triangle> = corners
+            .iter()
+            .map(|&[v0, v1, v2]| {
+                let scaled = |p: DVec3| (p * scale).as_vec3().to_array().into();
+                Triangle { v0: scaled(v0), v1: scaled(v1), v2: scaled(v2) }
+            })
+            .collect();
+        let bvh = (!soup.is_empty())
+            .then(|| build_cwbvh_from_tris(&soup, BvhBuildParams::medium_build(), &mut Duration::default()));
+        let leaves = bvh.iter().flat_map(|bvh| &bvh.primitive_indices);
+        let triangles = leaves.map(|&i| RtTriangle::from(&soup[i as usize])).collect();
+        Self { bvh, triangles, scale: scale as f32, extent: extent as f32 }
+    }
+
+    /// The largest coordinate of any corner, as an absolute value: what the rounding of hits scales with.
+    pub fn extent(&self) -> f32 {
+        self.extent
+    }
+
+    /// The ray parameter t of the first hit in [0, `t_max`), if there is one.
+    pub fn closest_hit(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Option<f32> {
+        let (bvh, ray, length) = self.ray(origin, direction, 0.0, t_max)?;
+        let mut hit = RayHit::none();
+        bvh.ray_traverse(ray, &mut hit, |ray, leaf| self.triangles[leaf].intersect(ray)).then(|| hit.t / length)
+    }
+
+    /// Whether anything is hit in [`t_min`, `t_max`). Cheaper than [`closest_hit`](Self::closest_hit).
+    pub fn occluded(&self, origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> bool {
+        self.ray(origin, direction, t_min, t_max)
+            .is_some_and(|(bvh, ray, _)| !bvh.ray_traverse_miss(ray, |ray, leaf| self.triangles[leaf].intersect(ray)))
+    }
+
+    /// The ray in the scaled space, and the length of `direction` there.
+    fn ray(&self, origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> Option<(&CwBvh, Ray, f32)> {
+        let bvh = self.bvh.as_ref()?;
+        let largest = direction.abs().max_element();
+        // Normalised, because `obvhs` treats components below 10⁻⁷ as zero; plus 0, because it takes −0 for a direction
+        // that points both ways.
+        let unit = (direction / largest).normalize() + Vec3::ZERO;
+        let origin = origin * self.scale;
+        // A zero or NaN direction fails here.
+        if !(origin.is_finite() && unit.is_finite() && t_max > t_min) {
+            return None;
+        }
+        let length = (direction / largest).length() * largest * self.scale;
+        let ray = Ray::new(origin.to_array().into(), unit.to_array().into(), t_min * length, t_max * length);
+        Some((bvh, ray, length))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{dvec3, vec3};
+
+    fn wall(scale: f64) -> TriangleBvh {
+        let corner = |y: f64, z: f64| dvec3(1.0, y, z) * scale;
+        TriangleBvh::new(&[
+            [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0)],
+            [corner(-1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
+        ])
+    }
+
+    #[test]
+    fn both_sides_are_hit_at_any_scale() {
+        for scale in [1e-15, 1e-6, 1.0, 1e6, 1e15_f32] {
+            let wall = wall(scale.into());
+            for (x, direction) in [(0.0, 2.0), (2.0, -2.0)] {
+                let (origin, direction) = (vec3(x, 0.3, 0.2) * scale, Vec3::X * direction * scale);
+                let t = wall.closest_hit(origin, direction, f32::INFINITY).expect("the wall is ahead");
+                assert!((t - 0.5).abs() < 1e-6, "scale {scale}: {t}");
+                assert_eq!(wall.closest_hit(origin, direction, 0.499), None);
+                assert!(wall.occluded(origin, direction, 0.499, 0.501));
+                assert!(!wall.occluded(origin, direction, 0.501, f32::INFINITY));
+            }
+            assert_eq!(wall.closest_hit(Vec3::ZERO, -Vec3::X, f32::INFINITY), None, "behind");
+        }
+    }
+
+    #[test]
+    fn degenerate_rays_and_empty_soups_hit_nothing() {
+        for direction in [Vec3::ZERO, Vec3::NAN, Vec3::INFINITY] {
+            assert_eq!(wall(1.0).closest_hit(Vec3::ZERO, direction, f32::INFINITY), None);
+        }
+        assert_eq!(wall(1.0).closest_hit(Vec3::NAN, Vec3::X, f32::INFINITY), None);
+        assert_eq!(wall(1.0).closest_hit(Vec3::ZERO, Vec3::X, f32::NAN), None);
+        assert!(!TriangleBvh::new(&[]).occluded(Vec3::ZERO, Vec3::X, 0.0, f32::INFINITY));
+    }
+}
