@@ -182,7 +182,7 @@ fn triangulate(mode: Mode, corners: &[u32]) -> Vec<[u32; 3]> {
     match mode {
         Mode::Triangles => corners.as_chunks::<3>().0.to_vec(),
         Mode::TriangleStrip => {
-            let flip = |i: usize, [a, b, c]: [u32; 3]| if i % 2 == 0 { [a, b, c] } else { [a, c, b] };
+            let flip = |i: usize, [a, b, c]: [u32; 3]| if i.is_multiple_of(2) { [a, b, c] } else { [a, c, b] };
             corners.windows(3).enumerate().map(|(i, w)| flip(i, [w[0], w[1], w[2]])).collect()
         }
         Mode::TriangleFan => corners.windows(2).skip(1).map(|pair| [pair[0], pair[1], corners[0]]).collect(),

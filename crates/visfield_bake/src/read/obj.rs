@@ -68,7 +68,9 @@ fn keep_geometry(text: &str) -> Result<String, ObjError> {
                 return Err(ObjError::ShortFace { line: number + 1 });
             }
             // A corner without a position stays as it is, for `tobj` to refuse.
-            words.iter_mut().for_each(|word| *word = word.split('/').next().filter(|v| !v.is_empty()).unwrap_or(word));
+            for word in &mut words {
+                *word = word.split('/').next().filter(|position| !position.is_empty()).unwrap_or(word);
+            }
         } else if words.len() > 5 {
             // Vertex colours.
             words.truncate(4);

@@ -1,0 +1,69 @@
+//! `visfield inspect`: what a `.vfield` file holds.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::PathBuf;
+
+use clap::Args;
+use indicatif::{DecimalBytes, HumanCount};
+use visfield::field::NO_HIT_CODE;
+use visfield::{Encoding, Representation, VisibilityField, file};
+
+use super::CommandError;
+
+/// Show what a .vfield file holds: sizes, bounds in mesh units, and how many chords meet the mesh.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  visfield inspect assets/meshes/chair.vfield")]
+pub(super) struct Arguments {
+    /// The .vfield file
+    field: PathBuf,
+}
+
+impl Arguments {
+    pub(super) fn run(&self) -> Result<String, CommandError> {
+        let fields = file::read(&self.field).map_err(CommandError::Inspect)?;
+        let size = fs::metadata(&self.field).map_or(0, |metadata| metadata.len());
+        let tables: u64 = fields.iter().map(|field| field.header().table_bytes()).sum();
+        let mut report = String::new();
+        _ = writeln!(
+            report,
+            "{}: format version {}, {} field{}, {} compressed, {} in memory",
+            self.field.display(),
+            file::VERSION,
+            fields.len(),
+            if fields.len() == 1 { "" } else { "s" },
+            DecimalBytes(size),
+            DecimalBytes(tables),
+        );
+        for field in &fields {
+            report_field(&mut report, field);
+        }
+        Ok(report)
+    }
+}
+
+fn report_field(report: &mut String, field: &VisibilityField) {
+    let header = field.header();
+    let representation = match header.representation {
+        Representation::TwoPoint { entries, exits } => {
+            format!("two-point, {entries}\u{b2} entries \u{d7} {exits}\u{b2} exits")
+        }
+        other => format!("{other:?}"),
+    };
+    let encoding = match header.encoding {
+        Encoding::U8 => "u8, first hit as a fraction of the chord in steps of 1/254".to_owned(),
+        other => format!("{other:?}"),
+    };
+    let [x, y, z] = header.bounds.center;
+    let hits = field.table().iter().filter(|&&code| code != NO_HIT_CODE).count();
+    let share = 100.0 * hits as f64 / field.table().len() as f64;
+    _ = writeln!(report, "\n{}", header.name);
+    _ = writeln!(report, "  representation   {representation}");
+    _ = writeln!(report, "  encoding         {encoding}");
+    _ = writeln!(report, "  table            {} bytes", HumanCount(header.table_bytes()));
+    _ = writeln!(report, "  bounds           centre ({x}, {y}, {z}), radius {} in mesh units", header.bounds.radius);
+    _ = writeln!(report, "  triangles        {}", HumanCount(header.triangles.into()));
+    _ = writeln!(report, "  chords that hit  {share:.1} %");
+}

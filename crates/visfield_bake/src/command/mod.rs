@@ -1,0 +1,62 @@
+//! The subcommands.
+
+mod bake;
+mod inspect;
+
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand};
+use thiserror::Error;
+use visfield::file::FileError;
+use visfield_bake::{BakeError, ReadError};
+
+/// Bake meshes into visibility fields: ambient occlusion and soft shadows of moving rigid objects by table look-ups.
+#[derive(Debug, Parser)]
+#[command(name = "visfield", version, arg_required_else_help = true)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Bake(bake::Arguments),
+    Inspect(inspect::Arguments),
+}
+
+impl Cli {
+    /// Does what the command line asks for.
+    pub(crate) fn run(&self) -> Result<(), CommandError> {
+        let report = match &self.command {
+            Command::Bake(arguments) => arguments.run()?,
+            Command::Inspect(arguments) => arguments.run()?,
+        };
+        match io::stdout().lock().write_all(report.as_bytes()) {
+            // A reader such as `head` has seen enough.
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+            other => other.map_err(CommandError::Report),
+        }
+    }
+}
+
+/// Why a command failed. Every message is one line and names the file.
+#[derive(Debug, Error)]
+pub(crate) enum CommandError {
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    #[error("{path}: {source}")]
+    Bake { path: PathBuf, source: BakeError },
+    #[error("{path}: none of its {meshes} meshes can be baked, see the warnings")]
+    NothingBaked { path: PathBuf, meshes: usize },
+    #[error("{path}: this is the mesh itself, which would be overwritten; choose another output with -o")]
+    OutputIsMesh { path: PathBuf },
+    #[error("{path}: the folder does not exist; create it, or choose another output with -o")]
+    NoOutputFolder { path: PathBuf },
+    #[error("{0}; choose another output with -o")]
+    Write(FileError),
+    #[error(transparent)]
+    Inspect(FileError),
+    #[error("the report cannot be written: {0}")]
+    Report(io::Error),
+}
