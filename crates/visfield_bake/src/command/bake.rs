@@ -61,7 +61,7 @@ impl Arguments {
             let start = Instant::now();
             match bake(mesh, &settings, |rays| bar.inc(rays)) {
                 Ok(field) => {
-                    report_field(&mut report, &field, &settings, start.elapsed().as_secs_f64());
+                    report_field(&mut report, &field, settings, start.elapsed().as_secs_f64());
                     fields.push(field);
                 }
                 Err(error) if is_fatal(&error, &meshes) => {
@@ -104,7 +104,7 @@ fn check_output(mesh: &Path, output: &Path) -> Result<(), CommandError> {
     Ok(())
 }
 
-fn report_field(report: &mut String, field: &VisibilityField, settings: &BakeSettings, seconds: f64) {
+fn report_field(report: &mut String, field: &VisibilityField, settings: BakeSettings, seconds: f64) {
     let header = field.header();
     _ = writeln!(
         report,
