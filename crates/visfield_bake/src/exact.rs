@@ -100,3 +100,75 @@ pub fn directional_visibility(scene: &ExactScene, receiver: &Receiver, light: &D
         .count();
     1.0 - occluded as f32 / rays as f32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DQuat, dvec3, vec3};
+
+    /// A disc of 64 triangles with radius 1 in the plane y = 0.
+    fn disc() -> Mesh {
+        let rim = |i: u32| {
+            let (sin, cos) = (std::f32::consts::TAU * i as f32 / 64.0).sin_cos();
+            [cos, 0.0, sin]
+        };
+        Mesh {
+            name: "disc".to_owned(),
+            positions: std::iter::once([0.0; 3]).chain((0..64).map(rim)).collect(),
+            indices: (0..64).map(|i| [0, 1 + i, 1 + (i + 1) % 64]).collect(),
+        }
+    }
+
+    const GROUND: Receiver = Receiver { position: DVec3::ZERO, normal: Vec3::Y };
+
+    #[test]
+    fn a_disc_overhead_occludes_its_share() {
+        // A disc of radius r at height h covers r²/(r² + h²) of the cosine-weighted hemisphere; at any place in the world.
+        for (height, shift) in [(0.5, 0.0), (1.0, 1e7), (3.0, -1e5)] {
+            let receiver = Receiver { position: DVec3::splat(shift), ..GROUND };
+            let above = DAffine3::from_translation(receiver.position + dvec3(0.0, height, 0.0));
+            let scene = ExactScene::new(&[(&disc(), above)], receiver.position).unwrap();
+            let settings = AmbientOcclusion { rays: 4096, ..AmbientOcclusion::default() };
+            let occlusion = ambient_occlusion(&scene, &receiver, &settings);
+            let exact = (1.0 / (1.0 + height * height)) as f32;
+            assert!((occlusion - exact).abs() < 0.005, "height {height}: {occlusion}, exactly {exact}");
+            let near = AmbientOcclusion { max_distance: height as f32 * 0.99, ..settings };
+            assert_eq!(ambient_occlusion(&scene, &receiver, &near), 0.0);
+        }
+    }
+
+    #[test]
+    fn an_edge_through_the_sun_hides_half_of_it() {
+        let scene =
+            ExactScene::new(&[(&disc(), DAffine3::from_translation(dvec3(1.0, 2.0, 0.0)))], DVec3::ZERO).unwrap();
+        let visibility = |x: f64| {
+            let receiver = Receiver { position: dvec3(x, 0.0, 0.0), normal: Vec3::Y };
+            directional_visibility(&scene, &receiver, &DirectionalShadow::new(Vec3::Y, 0.01))
+        };
+        assert!((visibility(0.0) - 0.5).abs() < 0.05, "{}", visibility(0.0));
+        assert_eq!((visibility(-0.1), visibility(0.1)), (1.0, 0.0));
+    }
+
+    #[test]
+    fn a_flat_surface_does_not_shadow_itself() {
+        let turned = DAffine3::from_rotation_translation(DQuat::from_rotation_z(0.7), dvec3(0.1, 0.2, 0.3));
+        let scene = ExactScene::new(&[(&disc(), turned)], DVec3::ZERO).unwrap();
+        let normal = turned.transform_vector3(DVec3::Y).as_vec3();
+        for i in 0..50 {
+            let position = turned.transform_point3(dvec3(0.013 * f64::from(i), 0.0, 0.007 * f64::from(i)));
+            assert_eq!(ambient_occlusion(&scene, &Receiver { position, normal }, &AmbientOcclusion::default()), 0.0);
+        }
+    }
+
+    #[test]
+    fn what_vanishes_from_a_scene_vanishes_here() {
+        let nowhere = [
+            DAffine3::from_scale(DVec3::ZERO),
+            DAffine3::from_scale(dvec3(1.0, f64::NAN, 1.0)),
+            DAffine3::from_translation(DVec3::INFINITY),
+        ];
+        let disc = disc();
+        let scene = ExactScene::new(&nowhere.map(|place| (&disc, place)), DVec3::ZERO).unwrap();
+        assert!(!scene.occluded(dvec3(0.0, 1.0, 0.0), vec3(0.0, -1.0, 0.0), f32::INFINITY));
+    }
+}

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! For each of `torus_knot`, `supershape` and `chair` it writes NAME.glb and, with default settings, NAME.vfield into the
-//! folder. The same build writes the same bytes each time. All meshes are 1.6 to 2 units tall, stand upright around the
+//! folder. The same build writes the same bytes each time. All meshes are about 1.5 units tall, stand upright around the
 //! origin (+Y is up) and wind counter-clockwise seen from outside.
 
 mod chair;

@@ -10,7 +10,7 @@ use crate::surface::Surface;
 const TURNS: (f64, f64) = (2.0, 3.0);
 /// Radii of the torus and of its tube, and of the tube along the knot, before scaling.
 const RADII: (f64, f64, f64) = (2.0, 1.0, 0.42);
-/// 6.84 units across become 1.6.
+/// 6.84 units across become 1.6; the three lobes stand a little less tall.
 const SCALE: f64 = 1.6 / (2.0 * (RADII.0 + RADII.1 + RADII.2));
 const RINGS: usize = 192;
 const SEGMENTS: usize = 16;
@@ -52,5 +52,7 @@ fn knot(t: f64) -> (DVec3, DVec3, DVec3) {
     let along_turn = dvec3(-sin_turn, cos_turn, 0.0) * (radius * TURNS.0);
     let along_tube = dvec3(-sin_tube * cos_turn, -sin_tube * sin_turn, cos_tube) * (RADII.1 * TURNS.1);
     let out = dvec3(cos_tube * cos_turn, cos_tube * sin_turn, sin_tube);
-    (center, (along_turn + along_tube).normalize(), out)
+    // A quarter turn puts one of the three lobes on top.
+    let upright = |v: DVec3| dvec3(-v.y, v.x, v.z);
+    (upright(center), upright((along_turn + along_tube).normalize()), upright(out))
 }

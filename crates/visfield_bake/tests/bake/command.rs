@@ -1,0 +1,179 @@
+//! The command `visfield` as a shell sees it.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use serde_json::json;
+use visfield::file;
+
+use super::support::{glb, triangle_bytes, triangle_json};
+
+fn visfield(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_visfield")).args(arguments).current_dir(folder).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+/// The one line that a failing command writes.
+fn error(folder: &Path, arguments: &[&str]) -> String {
+    let output = visfield(folder, arguments);
+    let message = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{arguments:?}: {message}");
+    assert!(message.starts_with("error: ") && message.trim_end().lines().count() == 1, "{message}");
+    assert!(output.stdout.is_empty());
+    message
+}
+
+const TETRAHEDRON: &str = "v 1 1 1\nv -1 -1 1\nv -1 1 -1\nv 1 -1 -1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n";
+
+#[test]
+fn bake_then_inspect() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("shape.obj"), TETRAHEDRON).unwrap();
+    let baked = visfield(folder, &["bake", "shape.obj"]);
+    assert!(baked.status.success(), "{}", text(&baked.stderr));
+    assert_eq!(text(&baked.stderr), "", "no progress bar in a pipe");
+    let report = text(&baked.stdout);
+    for part in ["Mesh0/Primitive0: 4 triangles", "65² × 32² = 4.33 MB", "M rays/s", "shape.vfield: 1 field"] {
+        assert!(report.contains(part), "{part:?} in {report}");
+    }
+    let fields = file::read(&folder.join("shape.vfield")).unwrap();
+    assert_eq!((fields.len(), fields[0].shape().entries, fields[0].shape().exits), (1, 65, 32));
+
+    let inspected = text(&visfield(folder, &["inspect", "shape.vfield"]).stdout);
+    for part in
+        ["format version 1", "Mesh0/Primitive0", "65² entries × 32² exits", "u8", "4,326,400 bytes", "radius 1.73"]
+    {
+        assert!(inspected.contains(part), "{part:?} in {inspected}");
+    }
+}
+
+#[test]
+fn all_sound_primitives_of_a_gltf_go_into_one_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut json = triangle_json();
+    let triangle = json["meshes"][0]["primitives"][0].clone();
+    let mut points = triangle.clone();
+    points["mode"] = json!(0);
+    json["meshes"] = json!([{ "primitives": [triangle, points] }, { "primitives": [triangle] }]);
+    fs::write(folder.path().join("three.glb"), glb(&json, &triangle_bytes())).unwrap();
+    let arguments = ["bake", "three.glb", "-o", "out.vfield", "--entries", "9", "--exits", "8"];
+    let baked = visfield(folder.path(), &arguments);
+    assert!(baked.status.success());
+    let warning = text(&baked.stderr);
+    assert!(warning.starts_with("warning: three.glb: left out: Mesh0/Primitive1: it has no triangles"), "{warning}");
+    let names: Vec<String> =
+        file::read(&folder.path().join("out.vfield")).unwrap().iter().map(|f| f.header().name.clone()).collect();
+    assert_eq!(names, ["Mesh0/Primitive0", "Mesh1/Primitive0"]);
+
+    // Two triangles of zero area: a warning for each, then the error.
+    let flat = [0; 44];
+    json["meshes"] = json!([{ "primitives": [triangle, triangle] }]);
+    fs::write(folder.path().join("flat.glb"), glb(&json, &flat)).unwrap();
+    let refused = visfield(folder.path(), &["bake", "flat.glb"]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(text(&refused.stderr).ends_with("error: flat.glb: none of its 2 meshes can be baked, see the warnings\n"));
+    assert!(!folder.path().join("flat.vfield").exists());
+}
+
+#[test]
+fn every_failure_is_one_line_that_names_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let write = |name: &str, content: &[u8]| fs::write(folder.join(name), content).unwrap();
+    write("good.obj", TETRAHEDRON.as_bytes());
+    write("empty.obj", b"");
+    write("text.glb", b"Dear reader");
+    write("mesh.stl", b"solid");
+    write("nan.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    write("flat.obj", b"v 0 0 0\nf 1 1 1\n");
+    write("points.obj", b"v 0 0 0\n");
+    write("range.obj", b"v 0 0 0\nf 1 1 7\n");
+    write("cut.glb", &glb(&triangle_json(), &triangle_bytes())[..100]);
+    for (mesh, part) in [
+        ("missing.obj", "No such file"),
+        ("empty.obj", "the file is empty"),
+        ("text.glb", "not glTF"),
+        ("mesh.stl", "only .glb, .gltf and .obj"),
+        ("nan.obj", "not finite"),
+        ("flat.obj", "zero area"),
+        ("points.obj", "no triangles"),
+        ("range.obj", "out of bounds"),
+        ("cut.glb", "cut short"),
+    ] {
+        let message = error(folder, &["bake", mesh]);
+        assert!(message.contains(mesh) && message.contains(part), "{message}");
+    }
+    for (output, part) in [("no/such/folder.vfield", "folder does not exist"), ("good.obj", "overwritten"), (".", "-o")]
+    {
+        let message = error(folder, &["bake", "good.obj", "-o", output]);
+        assert!(message.contains(output) && message.contains(part), "{message}");
+    }
+    assert!(error(folder, &["bake", "good.obj", "--entries", "512", "--exits", "512"]).contains("over the limit"));
+    assert_eq!(fs::read(folder.join("good.obj")).unwrap(), TETRAHEDRON.as_bytes());
+    assert!(fs::read_dir(folder).unwrap().all(|e| e.unwrap().path().extension().unwrap() != "vfield"), "no half files");
+}
+
+#[test]
+fn inspect_tells_damage_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("good.obj"), TETRAHEDRON).unwrap();
+    assert!(visfield(folder, &["bake", "good.obj", "--entries", "5", "--exits", "4"]).status.success());
+    let good = fs::read(folder.join("good.vfield")).unwrap();
+    let inspect_changed = |change: &dyn Fn(&mut Vec<u8>)| {
+        let mut bytes = good.clone();
+        change(&mut bytes);
+        fs::write(folder.join("bad.vfield"), bytes).unwrap();
+        error(folder, &["inspect", "bad.vfield"])
+    };
+    for (message, part) in [
+        (error(folder, &["inspect", "missing.vfield"]), "missing.vfield: No such file"),
+        (error(folder, &["inspect", "good.obj"]), "good.obj: this is not a .vfield file"),
+        (inspect_changed(&|bytes| bytes.clear()), "not a .vfield file"),
+        (inspect_changed(&|bytes| bytes[8] = 99), "bad.vfield: format version 99"),
+        (inspect_changed(&|bytes| *bytes.last_mut().unwrap() ^= 1), "bad.vfield: the checksum does not match"),
+        (inspect_changed(&|bytes| bytes.truncate(100)), "bad.vfield: the file is cut short"),
+    ] {
+        assert!(message.contains(part), "{part:?} in {message}");
+    }
+}
+
+#[test]
+fn usage_is_checked_and_explained() {
+    let folder = tempfile::tempdir().unwrap();
+    for arguments in
+        [&[][..], &["bake"], &["nonsense"], &["bake", "a.obj", "--entries", "0"], &["bake", "a.obj", "--exits", "513"]]
+    {
+        let output = visfield(folder.path(), arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        let message = text(&output.stderr);
+        assert!(message.contains("Usage") || message.contains("1..=512"), "{message}");
+    }
+    let help = text(&visfield(folder.path(), &["bake", "--help"]).stdout);
+    assert!(["Examples:", "1 to 512", ".vfield", "[default: 65]"].iter().all(|part| help.contains(part)), "{help}");
+    let version = text(&visfield(folder.path(), &["--version"]).stdout);
+    assert_eq!(version.trim(), format!("visfield {}", env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn a_closed_pipe_is_no_error() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("good.obj"), TETRAHEDRON).unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_visfield"))
+        .args(["bake", "good.obj", "--entries", "5", "--exits", "4"])
+        .current_dir(folder.path())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // As `head` does once it has seen enough.
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(folder.path().join("good.vfield").exists());
+}
