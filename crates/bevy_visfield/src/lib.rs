@@ -1,1 +1,92 @@
-//! stub
+//! Moving rigid objects give each other true ambient occlusion and soft shadows, from visibility baked once per mesh.
+//!
+//! Add [`VisibilityFieldPlugin`]; bake each rigid mesh (`visfield bake rock.glb`); then
+//!
+//! ```no_run
+//! use bevy::{gltf::GltfAssetLabel, prelude::*};
+//! use bevy_visfield::prelude::*;
+//!
+//! App::new()
+//!     .add_plugins((DefaultPlugins, VisibilityFieldPlugin))
+//!     .add_systems(Startup, |mut commands: Commands, assets: Res<AssetServer>| {
+//!         let label = GltfAssetLabel::Primitive { mesh: 0, primitive: 0 };
+//!         // A rigid object: its mesh, and the field that was baked from it.
+//!         commands.spawn((
+//!             Mesh3d(assets.load(label.from_asset("rock.glb"))),
+//!             MeshMaterial3d::<StandardMaterial>::default(),
+//!             VisibilityField3d(assets.load(label.from_asset("rock.vfield"))),
+//!         ));
+//!         // A light that casts soft shadows through the fields, and a camera that shows them.
+//!         commands.spawn((DirectionalLight::default(), FieldShadows::default()));
+//!         commands.spawn((Camera3d::default(), Msaa::Off, FieldOcclusion::default()));
+//!     })
+//!     .run();
+//! ```
+//!
+//! Materials stay unmodified `StandardMaterial`s, forward or deferred. The data's path: [`asset`] loads fields,
+//! `render/` extracts instances, prepares a camera's frame, runs the node between prepass and main pass, and hands the
+//! result to Bevy's PBR shader. Feature `bake` adds `bake`: fields baked at run time, in the background.
+//!
+//! # Limits
+//! - Opaque and alpha-masked surfaces receive occlusion. Transparent ones are lit by what lies behind them, as with Bevy's
+//!   own screen-space ambient occlusion.
+//! - Every camera masks the first three directional lights that it sees; others stay unshadowed, with one warning.
+//! - [`FieldOcclusion`] takes the place of Bevy's `ScreenSpaceAmbientOcclusion` on its camera, and like it needs
+//!   `Msaa::Off`.
+
+pub mod asset;
+#[cfg(feature = "bake")]
+pub mod bake;
+mod components;
+mod debug;
+mod diagnose;
+mod render;
+
+use bevy::app::{App, Plugin};
+use bevy::asset::AssetApp;
+
+pub use asset::{VisibilityField, VisibilityFieldLoader, VisibilityFieldSet};
+pub use components::{FieldOcclusion, FieldOcclusionQuality, FieldShadows, NotFieldOccluder, VisibilityField3d};
+pub use debug::FieldDebugView;
+pub use render::{FieldOcclusionFrame, FieldOcclusionSystems, FieldResidency};
+
+/// What most users need.
+pub mod prelude {
+    #[cfg(feature = "bake")]
+    pub use crate::bake::{BakeProgress, BakeVisibilityField};
+    pub use crate::{
+        FieldDebugView, FieldOcclusion, FieldOcclusionQuality, FieldShadows, NotFieldOccluder, VisibilityField,
+        VisibilityField3d, VisibilityFieldPlugin,
+    };
+}
+
+/// Ambient occlusion and soft shadows from visibility fields.
+///
+/// Needs Bevy's PBR plugins. On a GPU that lacks a capability it warns once and stays inert.
+///
+/// ```no_run
+/// use bevy::prelude::*;
+/// App::new().add_plugins((DefaultPlugins, bevy_visfield::VisibilityFieldPlugin)).run();
+/// ```
+#[derive(Clone, Copy, Debug, Default)]
+pub struct VisibilityFieldPlugin;
+
+impl Plugin for VisibilityFieldPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_asset::<VisibilityField>()
+            .init_asset::<VisibilityFieldSet>()
+            .init_asset_loader::<VisibilityFieldLoader>()
+            .register_type::<VisibilityField3d>()
+            .register_type::<NotFieldOccluder>()
+            .register_type::<FieldOcclusion>()
+            .register_type::<FieldShadows>()
+            .register_type::<FieldDebugView>()
+            .add_plugins((render::plugin, debug::plugin, diagnose::plugin));
+        #[cfg(feature = "bake")]
+        app.add_plugins(bake::plugin);
+    }
+
+    fn finish(&self, app: &mut App) {
+        render::finish(app);
+    }
+}

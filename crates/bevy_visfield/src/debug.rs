@@ -1,0 +1,146 @@
+//! A look at the occlusion texture itself, in the place of the picture.
+
+use bevy::asset::{embedded_asset, load_embedded_asset};
+use bevy::core_pipeline::tonemapping::tonemapping;
+use bevy::core_pipeline::{Core3d, Core3dSystems, FullscreenShader};
+use bevy::prelude::*;
+use bevy::render::camera::ExtractedCamera;
+use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
+use bevy::render::render_resource::binding_types::texture_2d;
+use bevy::render::render_resource::{
+    BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, CachedRenderPipelineId, ColorTargetState,
+    ColorWrites, FragmentState, Operations, PipelineCache, RenderPassColorAttachment, RenderPassDescriptor,
+    RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline, SpecializedRenderPipelines, TextureFormat,
+    TextureSampleType,
+};
+use bevy::render::renderer::{RenderContext, ViewQuery};
+use bevy::render::view::{ExtractedView, ViewTarget};
+use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems};
+
+use crate::components::FieldOcclusion;
+use crate::render::FieldOcclusionFrame;
+
+/// Shows what [`FieldOcclusion`] computed instead of the picture, in grey: white is visible, black is occluded.
+///
+/// ```
+/// use bevy::prelude::*;
+/// use bevy_visfield::{FieldDebugView, FieldOcclusion};
+/// fn camera() -> impl Bundle {
+///     (Camera3d::default(), Msaa::Off, FieldOcclusion::default(), FieldDebugView::AmbientVisibility)
+/// }
+/// ```
+#[derive(Component, ExtractComponent, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[reflect(Component, Default, Clone, PartialEq)]
+#[extract_component_sync_target((Self, FieldDebugPipeline))]
+pub enum FieldDebugView {
+    /// The unoccluded share of ambient light.
+    #[default]
+    AmbientVisibility,
+    /// The visible share of Bevy's first directional light.
+    Light0,
+    /// The visible share of its second.
+    Light1,
+    /// The visible share of its third.
+    Light2,
+}
+
+pub(crate) fn plugin(app: &mut App) {
+    embedded_asset!(app, "debug.wgsl");
+    app.add_plugins(ExtractComponentPlugin::<FieldDebugView>::default());
+    let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+    render_app
+        .init_gpu_resource::<SpecializedRenderPipelines<FieldDebugShader>>()
+        .add_systems(RenderStartup, init_shader)
+        .add_systems(Render, prepare_pipelines.in_set(RenderSystems::Prepare))
+        .add_systems(Core3d, show.after(tonemapping).in_set(Core3dSystems::PostProcess));
+}
+
+#[derive(Resource)]
+struct FieldDebugShader {
+    layout: BindGroupLayoutDescriptor,
+    fullscreen: FullscreenShader,
+    fragment: Handle<Shader>,
+}
+
+#[derive(Component)]
+pub struct FieldDebugPipeline(CachedRenderPipelineId);
+
+impl SpecializedRenderPipeline for FieldDebugShader {
+    type Key = (FieldDebugView, TextureFormat);
+
+    fn specialize(&self, (view, format): Self::Key) -> RenderPipelineDescriptor {
+        let entry_point = match view {
+            FieldDebugView::AmbientVisibility => "ambient",
+            FieldDebugView::Light0 => "light_0",
+            FieldDebugView::Light1 => "light_1",
+            FieldDebugView::Light2 => "light_2",
+        };
+        RenderPipelineDescriptor {
+            label: Some("field_debug".into()),
+            layout: vec![self.layout.clone()],
+            vertex: self.fullscreen.to_vertex_state(),
+            fragment: Some(FragmentState {
+                shader: self.fragment.clone(),
+                entry_point: Some(entry_point.into()),
+                targets: vec![Some(ColorTargetState { format, blend: None, write_mask: ColorWrites::ALL })],
+                ..default()
+            }),
+            ..default()
+        }
+    }
+}
+
+fn init_shader(mut commands: Commands, fullscreen: Res<FullscreenShader>, server: Res<AssetServer>) {
+    commands.insert_resource(FieldDebugShader {
+        layout: BindGroupLayoutDescriptor::new(
+            "field_debug_layout",
+            &BindGroupLayoutEntries::single(
+                ShaderStages::FRAGMENT,
+                texture_2d(TextureSampleType::Float { filterable: true }),
+            ),
+        ),
+        fullscreen: fullscreen.clone(),
+        fragment: load_embedded_asset!(server.as_ref(), "debug.wgsl"),
+    });
+}
+
+fn prepare_pipelines(
+    mut commands: Commands,
+    cache: Res<PipelineCache>,
+    mut pipelines: ResMut<SpecializedRenderPipelines<FieldDebugShader>>,
+    shader: Res<FieldDebugShader>,
+    cameras: Query<(Entity, &ExtractedView, &FieldDebugView), (With<ExtractedCamera>, With<FieldOcclusion>)>,
+) {
+    for (entity, view, debug_view) in &cameras {
+        let pipeline = pipelines.specialize(&cache, &shader, (*debug_view, view.target_format));
+        commands.entity(entity).insert(FieldDebugPipeline(pipeline));
+    }
+}
+
+fn show(
+    view: ViewQuery<(&ViewTarget, &FieldOcclusionFrame, &FieldDebugPipeline)>,
+    shader: Res<FieldDebugShader>,
+    cache: Res<PipelineCache>,
+    mut context: RenderContext,
+) {
+    let (target, frame, pipeline) = view.into_inner();
+    let Some(pipeline) = cache.get_render_pipeline(pipeline.0) else { return };
+    let bind_group = context.render_device().create_bind_group(
+        "field_debug",
+        &cache.get_bind_group_layout(&shader.layout),
+        &BindGroupEntries::single(&frame.output.default_view),
+    );
+    let mut pass = context.command_encoder().begin_render_pass(&RenderPassDescriptor {
+        label: Some("field_debug"),
+        color_attachments: &[Some(RenderPassColorAttachment {
+            view: target.post_process_write().destination,
+            depth_slice: None,
+            resolve_target: None,
+            ops: Operations::default(),
+        })],
+        ..default()
+    });
+    pass.set_pipeline(pipeline);
+    pass.set_bind_group(0, &bind_group, &[]);
+    pass.draw(0..3, 0..1);
+}

@@ -1,0 +1,72 @@
+//! From the main world to the render world: cameras and lights with our components, and every occluder's transform.
+
+use bevy::ecs::query::QueryItem;
+use bevy::math::Affine3A;
+use bevy::pbr::{ScreenSpaceAmbientOcclusion, ScreenSpaceAmbientOcclusionResources, SsaoBindGroups, SsaoPipelineId};
+use bevy::prelude::*;
+use bevy::render::Extract;
+use bevy::render::extract_component::ExtractComponent;
+use bevy::render::sync_component::SyncComponent;
+
+use super::prepare::FieldOcclusionFrame;
+use crate::asset::VisibilityField;
+use crate::components::{FieldOcclusion, FieldShadows, NotFieldOccluder, VisibilityField3d};
+
+/// The frame's occluders: which field, and where.
+#[derive(Resource, Default)]
+pub(super) struct ExtractedOccluders(pub(super) Vec<(AssetId<VisibilityField>, Affine3A)>);
+
+/// Copies what occludes: visible entities with a field. Entities outside the view count, since they cast into it.
+pub(super) fn extract_occluders(
+    mut extracted: ResMut<ExtractedOccluders>,
+    occluders: Extract<Query<(&VisibilityField3d, &GlobalTransform, &InheritedVisibility), Without<NotFieldOccluder>>>,
+) {
+    extracted.0.clear();
+    let visible = occluders.iter().filter(|(_, _, visibility)| visibility.get());
+    extracted.0.extend(visible.map(|(field, transform, _)| (field.id(), transform.affine())));
+}
+
+impl SyncComponent for FieldOcclusion {
+    // What must leave the camera with it, or Bevy's pipelines and bind groups would disagree about the texture.
+    type Target = (
+        Self,
+        FieldOcclusionFrame,
+        ScreenSpaceAmbientOcclusion,
+        ScreenSpaceAmbientOcclusionResources,
+        SsaoPipelineId,
+        SsaoBindGroups,
+    );
+}
+
+impl ExtractComponent for FieldOcclusion {
+    type QueryData = (&'static Self, &'static Camera, &'static Msaa);
+    type QueryFilter = With<Camera3d>;
+    // Bevy's component makes its pipelines and bind groups expect an occlusion texture. It is set in the render world only,
+    // so that the user's world keeps just what the user put there.
+    type Out = (Self, ScreenSpaceAmbientOcclusion);
+
+    fn extract_component((settings, camera, msaa): QueryItem<'_, '_, Self::QueryData>) -> Option<Self::Out> {
+        if *msaa != Msaa::Off {
+            warn_once!(
+                "FieldOcclusion needs Msaa::Off, but its camera has Msaa::{msaa:?}: that camera shows no field occlusion. \
+                 Insert Msaa::Off (and an anti-aliasing that works after shading, such as TAA, SMAA or FXAA)."
+            );
+            return None;
+        }
+        camera.is_active.then(|| (*settings, ScreenSpaceAmbientOcclusion::default()))
+    }
+}
+
+impl SyncComponent for FieldShadows {
+    type Target = Self;
+}
+
+impl ExtractComponent for FieldShadows {
+    type QueryData = &'static Self;
+    type QueryFilter = With<DirectionalLight>;
+    type Out = Self;
+
+    fn extract_component(settings: QueryItem<'_, '_, Self::QueryData>) -> Option<Self> {
+        Some(*settings)
+    }
+}

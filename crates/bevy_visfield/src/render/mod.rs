@@ -1,0 +1,94 @@
+//! A frame, stage by stage: [`extract`] what moved, [`residency`] of fields on the GPU, [`prepare`] each camera's frame, run
+//! the [`node`], and [`compose`] the result into Bevy's lighting.
+
+mod compose;
+mod extract;
+mod node;
+mod prepare;
+mod residency;
+
+use bevy::core_pipeline::{Core3d, Core3dSystems};
+use bevy::pbr::prepare_mesh_view_bind_groups;
+use bevy::prelude::*;
+use bevy::render::extract_component::ExtractComponentPlugin;
+use bevy::render::render_asset::RenderAssetPlugin;
+use bevy::render::renderer::RenderDevice;
+use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderSystems};
+use visfield::gpu::OcclusionPasses;
+
+use crate::components::{FieldOcclusion, FieldShadows};
+use node::OcclusionViews;
+use residency::ResidentField;
+
+pub use prepare::FieldOcclusionFrame;
+pub use residency::FieldResidency;
+
+/// Where this plugin's systems run, for ordering your own around them.
+///
+/// ```
+/// use bevy::{core_pipeline::Core3d, prelude::*};
+/// use bevy_visfield::FieldOcclusionSystems;
+/// fn order(render_app: &mut App, system: fn()) {
+///     render_app.add_systems(Core3d, system.after(FieldOcclusionSystems::Trace));
+/// }
+/// ```
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum FieldOcclusionSystems {
+    /// In `ExtractSchedule`: occluders and their transforms are copied.
+    Extract,
+    /// In `Render`, within `RenderSystems::PrepareResources`: each camera's frame is put together.
+    Prepare,
+    /// In `Render`, after `RenderSystems::PrepareBindGroups`: the occlusion texture is bound to Bevy's lighting.
+    Compose,
+    /// In `Core3d`, between prepass and main pass: the occlusion texture is computed.
+    Trace,
+}
+
+pub(crate) fn plugin(app: &mut App) {
+    app.add_plugins((
+        RenderAssetPlugin::<ResidentField>::default(),
+        ExtractComponentPlugin::<FieldOcclusion>::default(),
+        ExtractComponentPlugin::<FieldShadows>::default(),
+    ))
+    // After the asset events of the frame and before extraction, so that no pipeline is built from the unpatched shader.
+    .add_systems(Last, compose::mask_direct_light);
+    if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
+        render_app.init_gpu_resource::<FieldResidency>();
+    }
+}
+
+/// Adds what needs a capable GPU, or warns once and leaves the plugin inert.
+pub(crate) fn finish(app: &mut App) {
+    let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+    let limits = render_app.world().resource::<RenderDevice>().limits();
+    if let Err(missing) = OcclusionPasses::check(&limits).and_then(|()| compose::check(&limits)) {
+        warn!("VisibilityFieldPlugin stays inert: {missing}. Objects will not occlude each other.");
+        return;
+    }
+    render_app
+        .init_resource::<extract::ExtractedOccluders>()
+        .init_gpu_resource::<OcclusionViews>()
+        .add_systems(ExtractSchedule, extract::extract_occluders.in_set(FieldOcclusionSystems::Extract))
+        .configure_sets(
+            Render,
+            (
+                FieldOcclusionSystems::Prepare.in_set(RenderSystems::PrepareResources),
+                FieldOcclusionSystems::Compose.after(RenderSystems::PrepareBindGroups).before(RenderSystems::Render),
+            ),
+        )
+        .add_systems(
+            Render,
+            (
+                prepare::prepare_frames.in_set(FieldOcclusionSystems::Prepare),
+                // Bevy's bind groups are made once more, with our texture in the place of its own.
+                (compose::replace_occlusion_texture, prepare_mesh_view_bind_groups)
+                    .chain()
+                    .in_set(FieldOcclusionSystems::Compose),
+            ),
+        )
+        .configure_sets(
+            Core3d,
+            FieldOcclusionSystems::Trace.after(Core3dSystems::Prepass).before(Core3dSystems::MainPass),
+        )
+        .add_systems(Core3d, node::field_occlusion.in_set(FieldOcclusionSystems::Trace));
+}

@@ -1,0 +1,90 @@
+//! Which fields are on the GPU. A field is uploaded when its asset arrives or changes, once for all its instances.
+
+use std::collections::HashMap;
+
+use bevy::ecs::system::{
+    SystemParamItem,
+    lifetimeless::{SRes, SResMut},
+};
+use bevy::prelude::*;
+use bevy::render::render_asset::{PrepareAssetError, RenderAsset};
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use visfield::gpu::{FieldPool, FieldSlot, PoolStatistics};
+
+use crate::asset::VisibilityField;
+
+/// The fields on the GPU, a resource of the render world.
+///
+/// ```
+/// use bevy::{prelude::*, render::{Render, RenderApp}};
+/// use bevy_visfield::FieldResidency;
+/// fn watch_memory(app: &mut App) {
+///     app.sub_app_mut(RenderApp).add_systems(Render, |residency: Res<FieldResidency>| {
+///         debug!("{} bytes of fields", residency.statistics().resident_bytes);
+///     });
+/// }
+/// ```
+#[derive(Resource)]
+pub struct FieldResidency {
+    pool: FieldPool,
+    slots: HashMap<AssetId<VisibilityField>, FieldSlot>,
+}
+
+impl FromWorld for FieldResidency {
+    fn from_world(world: &mut World) -> Self {
+        Self { pool: FieldPool::new(world.resource::<RenderDevice>().wgpu_device()), slots: HashMap::new() }
+    }
+}
+
+impl FieldResidency {
+    /// Uploads and bytes so far.
+    pub fn statistics(&self) -> PoolStatistics {
+        self.pool.statistics()
+    }
+
+    pub(super) fn pool(&self) -> &FieldPool {
+        &self.pool
+    }
+
+    pub(super) fn slot(&self, id: AssetId<VisibilityField>) -> Option<&FieldSlot> {
+        self.slots.get(&id)
+    }
+
+    fn remove(&mut self, id: AssetId<VisibilityField>) {
+        if let Some(slot) = self.slots.remove(&id) {
+            self.pool.remove(slot);
+        }
+    }
+}
+
+/// Marks a field as extracted; its data live in [`FieldResidency`], whose pool must hear of removals.
+pub(super) struct ResidentField;
+
+impl RenderAsset for ResidentField {
+    type SourceAsset = VisibilityField;
+    type Param = (SRes<RenderDevice>, SRes<RenderQueue>, SResMut<FieldResidency>);
+
+    fn byte_len(field: &VisibilityField) -> Option<usize> {
+        Some(field.table().len())
+    }
+
+    fn prepare_asset(
+        field: VisibilityField,
+        id: AssetId<VisibilityField>,
+        (device, queue, residency): &mut SystemParamItem<Self::Param>,
+        _previous: Option<&Self>,
+    ) -> Result<Self, PrepareAssetError<VisibilityField>> {
+        residency.remove(id);
+        match residency.pool.insert(device.wgpu_device(), queue, &field) {
+            Ok(slot) => {
+                residency.slots.insert(id, slot);
+            }
+            Err(error) => error!("visibility field `{}` will not occlude: {error}", field.header().name),
+        }
+        Ok(Self)
+    }
+
+    fn unload_asset(id: AssetId<VisibilityField>, (_, _, residency): &mut SystemParamItem<Self::Param>) {
+        residency.remove(id);
+    }
+}

@@ -1,0 +1,301 @@
+//! Fourteen instances of three meshes orbit, tumble and touch the floor, and give each other ambient occlusion and a soft
+//! sun shadow from visibility baked once per mesh. Materials are plain `StandardMaterial`s; no shadow map is used.
+//!
+//! `cargo run --example moving_objects` opens a window; `--headless` records frames and a GIF instead; `--mesh PATH` shows
+//! a mesh of your own, baked on the spot in the background.
+//!
+//! | key | |
+//! | --- | --- |
+//! | A | ambient occlusion on and off |
+//! | S | sun shadows on and off |
+//! | D | shows the occlusion itself: ambient, sun, off |
+//! | Q | rays per pixel: 4, 8, 16, 32 |
+//! | Space | pause |
+//! | Esc | quit |
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use bevy::anti_alias::fxaa::Fxaa;
+use bevy::asset::RenderAssetUsages;
+use bevy::mesh::{Indices, PrimitiveTopology};
+use bevy::prelude::*;
+use bevy_visfield::prelude::*;
+use clap::Parser;
+use visfield_workspace::headless::{ASSETS, HeadlessApp, write_gif};
+use visfield_workspace::moving_objects::{
+    ObjectParts, PERIOD, SceneClock, camera_transform, default_parts, move_objects, spawn_objects, spawn_surroundings,
+};
+
+/// Moving objects with ambient occlusion and soft shadows from visibility fields
+#[derive(Parser, Resource, Clone, Debug)]
+struct Options {
+    /// Render without a window; write PNG frames and one animated GIF
+    #[arg(long)]
+    headless: bool,
+    /// Number of frames of one loop to render without a window
+    #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    frames: u32,
+    /// Folder for the frames and the GIF; made if it is missing
+    #[arg(long, default_value = "target/demo", value_name = "DIR")]
+    out: PathBuf,
+    /// Width and height of the frames in pixels
+    #[arg(long, default_value = "640x360", value_parser = parse_size, value_name = "WIDTHxHEIGHT")]
+    size: UVec2,
+    /// A .glb, .gltf or .obj mesh to show in place of the default ones; baked on the spot
+    #[arg(long, value_name = "PATH")]
+    mesh: Option<PathBuf>,
+    /// Show the occlusion itself in the frames
+    #[arg(long, value_enum)]
+    debug: Option<DebugView>,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+enum DebugView {
+    Ambient,
+    Sun,
+}
+
+fn parse_size(text: &str) -> Result<UVec2, String> {
+    let side = |text: &str| text.parse().ok().filter(|side| (16..=8192).contains(side));
+    let sides = text.split_once('x').and_then(|(width, height)| Some(UVec2::new(side(width)?, side(height)?)));
+    sides.ok_or_else(|| "expected two numbers from 16 to 8192 such as 640x360".to_owned())
+}
+
+/// The user's own meshes, read before the app starts so that a bad file is told at once.
+#[derive(Resource, Clone)]
+struct OwnMeshes(Vec<visfield_bake::Mesh>);
+
+fn main() -> ExitCode {
+    let options = Options::parse();
+    let own_meshes = match options.mesh.as_deref().map(visfield_bake::read_meshes).transpose() {
+        Ok(meshes) => meshes.map(OwnMeshes),
+        Err(error) => {
+            eprintln!("error: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
+    if !options.headless {
+        return run_in_window(options, own_meshes);
+    }
+    match record(&options, own_meshes) {
+        Ok(gif) => {
+            println!("{} frames of {} s; the animation is {}", options.frames, PERIOD, gif.display());
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            eprintln!("error: cannot write to {}: {error}", options.out.display());
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn add_scene(app: &mut App, options: Options, own_meshes: Option<OwnMeshes>) {
+    app.add_plugins(VisibilityFieldPlugin)
+        .insert_resource(ClearColor(Color::srgb(0.72, 0.80, 0.90)))
+        .insert_resource(options)
+        .init_resource::<SceneClock>()
+        .add_systems(Startup, spawn_scene)
+        .add_systems(Update, move_objects);
+    if let Some(own_meshes) = own_meshes {
+        app.insert_resource(own_meshes);
+    }
+}
+
+fn run_in_window(options: Options, own_meshes: Option<OwnMeshes>) -> ExitCode {
+    let mut app = App::new();
+    let window = Window { title: "visfield: moving objects".to_owned(), ..default() };
+    app.add_plugins(
+        DefaultPlugins
+            .set(WindowPlugin { primary_window: Some(window), ..default() })
+            .set(AssetPlugin { file_path: ASSETS.to_owned(), ..default() }),
+    );
+    add_scene(&mut app, options, own_meshes);
+    app.init_resource::<Paused>()
+        .add_systems(Startup, (spawn_window_camera, spawn_help))
+        .add_systems(Update, (tick.before(move_objects), press_keys, show_help));
+    match app.run() {
+        AppExit::Success => ExitCode::SUCCESS,
+        AppExit::Error(code) => ExitCode::from(code.get()),
+    }
+}
+
+/// Renders one loop of the motion and returns the path of the GIF.
+fn record(options: &Options, own_meshes: Option<OwnMeshes>) -> image::ImageResult<PathBuf> {
+    std::fs::create_dir_all(&options.out)?;
+    let mut headless = HeadlessApp::new(options.size, |plugins| plugins);
+    add_scene(&mut headless.app, options.clone(), own_meshes);
+    let target = headless.target();
+    let mut commands = headless.app.world_mut().commands();
+    let camera = spawn_camera(&mut commands);
+    commands.entity(camera).insert(target);
+    match options.debug {
+        Some(DebugView::Ambient) => drop(commands.entity(camera).insert(FieldDebugView::AmbientVisibility)),
+        Some(DebugView::Sun) => drop(commands.entity(camera).insert(FieldDebugView::Light0)),
+        None => {}
+    }
+    wait_for_bakes(&mut headless);
+    headless.wait_until_ready();
+
+    let progress = indicatif::ProgressBar::new(options.frames.into()).with_message("frames");
+    let mut frames = Vec::new();
+    for frame in 0..options.frames {
+        headless.app.world_mut().resource_mut::<SceneClock>().0 = PERIOD * frame as f32 / options.frames as f32;
+        let picture = headless.capture();
+        picture.save(options.out.join(format!("frame_{frame:04}.png")))?;
+        frames.push(picture);
+        progress.inc(1);
+    }
+    progress.finish();
+    let gif = options.out.join("moving_objects.gif");
+    write_gif(&gif, frames, PERIOD)?;
+    Ok(gif)
+}
+
+/// Runs frames until the user's meshes are baked. The bar hides itself in a pipe.
+fn wait_for_bakes(headless: &mut HeadlessApp) {
+    let style = indicatif::ProgressStyle::with_template("{msg} {bar:40} {percent} %").expect("the template is valid");
+    let bar = indicatif::ProgressBar::new(1000).with_style(style).with_message("baking");
+    headless.update();
+    headless.update_until(|app| {
+        let world = app.world_mut();
+        let mut bakes = world.query::<&BakeProgress>();
+        let slowest = bakes.iter(world).map(|progress| progress.0).min_by(f32::total_cmp);
+        bar.set_position((slowest.unwrap_or(1.0) * 1000.0) as u64);
+        slowest.is_none()
+    });
+    bar.finish_and_clear();
+}
+
+fn spawn_scene(
+    mut commands: Commands,
+    server: Res<AssetServer>,
+    own_meshes: Option<Res<OwnMeshes>>,
+    mut meshes: ResMut<Assets<Mesh>>,
+    mut materials: ResMut<Assets<StandardMaterial>>,
+) {
+    let parts = match own_meshes {
+        Some(own) => vec![own_parts(&own.0, &mut meshes)],
+        None => default_parts(&server).to_vec(),
+    };
+    spawn_objects(&mut commands, &mut materials, &parts);
+    spawn_surroundings(&mut commands, &mut meshes, &mut materials);
+}
+
+/// The user's meshes as one object, brought to the size of the default ones.
+fn own_parts(own: &[visfield_bake::Mesh], meshes: &mut Assets<Mesh>) -> ObjectParts {
+    let corners = own.iter().flat_map(|mesh| &mesh.positions).map(|&p| Vec3::from(p)).filter(|p| p.is_finite());
+    let (low, high) = corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+    let scale = 2.0 / (high - low).max_element().max(f32::MIN_POSITIVE);
+    let object_from_mesh = Transform::from_scale(Vec3::splat(scale)).with_translation((low + high) * (-0.5 * scale));
+    let meshes = own.iter().map(|mesh| meshes.add(shaded(mesh))).collect();
+    ObjectParts { meshes, fields: Vec::new(), object_from_mesh }
+}
+
+fn shaded(mesh: &visfield_bake::Mesh) -> Mesh {
+    Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
+        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, mesh.positions.clone())
+        .with_inserted_indices(Indices::U32(mesh.indices.as_flattened().to_vec()))
+        .with_computed_smooth_normals()
+}
+
+fn spawn_camera(commands: &mut Commands) -> Entity {
+    let occlusion = FieldOcclusion::default();
+    commands.spawn((Camera3d::default(), Msaa::Off, Fxaa::default(), camera_transform(), occlusion)).id()
+}
+
+fn spawn_window_camera(mut commands: Commands) {
+    spawn_camera(&mut commands);
+}
+
+#[derive(Resource, Default)]
+struct Paused(bool);
+
+fn tick(time: Res<Time>, paused: Res<Paused>, mut clock: ResMut<SceneClock>) {
+    if !paused.0 {
+        clock.0 = (clock.0 + time.delta_secs()) % PERIOD;
+    }
+}
+
+fn press_keys(
+    mut commands: Commands,
+    keys: Res<ButtonInput<KeyCode>>,
+    mut paused: ResMut<Paused>,
+    mut exit: MessageWriter<AppExit>,
+    suns: Query<(Entity, Has<FieldShadows>), With<DirectionalLight>>,
+    mut cameras: Query<(Entity, &mut FieldOcclusion, Option<&FieldDebugView>)>,
+) {
+    if keys.just_pressed(KeyCode::Escape) {
+        exit.write(AppExit::Success);
+    }
+    if keys.just_pressed(KeyCode::Space) {
+        paused.0 = !paused.0;
+    }
+    if keys.just_pressed(KeyCode::KeyS) {
+        for (sun, shadowed) in &suns {
+            let mut sun = commands.entity(sun);
+            if shadowed {
+                sun.remove::<FieldShadows>()
+            } else {
+                sun.insert(FieldShadows::default())
+            };
+        }
+    }
+    for (camera, mut occlusion, view) in &mut cameras {
+        if keys.just_pressed(KeyCode::KeyA) {
+            occlusion.ambient_occlusion = !occlusion.ambient_occlusion;
+        }
+        if keys.just_pressed(KeyCode::KeyQ) {
+            use FieldOcclusionQuality::{High, Low, Medium, Ultra};
+            occlusion.quality = match occlusion.quality {
+                Low => Medium,
+                Medium => High,
+                High => Ultra,
+                _ => Low,
+            };
+        }
+        if keys.just_pressed(KeyCode::KeyD) {
+            let mut camera = commands.entity(camera);
+            match view {
+                None => camera.insert(FieldDebugView::AmbientVisibility),
+                Some(FieldDebugView::AmbientVisibility) => camera.insert(FieldDebugView::Light0),
+                Some(_) => camera.remove::<FieldDebugView>(),
+            };
+        }
+    }
+}
+
+#[derive(Component)]
+struct Help;
+
+fn spawn_help(mut commands: Commands) {
+    let place = Node { position_type: PositionType::Absolute, left: px(12), top: px(12), ..default() };
+    commands.spawn((Help, Text::default(), TextFont::from_font_size(15.0), TextColor(Color::BLACK), place));
+}
+
+fn show_help(
+    mut help: Single<&mut Text, With<Help>>,
+    cameras: Query<(&FieldOcclusion, Option<&FieldDebugView>)>,
+    shadowed: Query<(), (With<DirectionalLight>, With<FieldShadows>)>,
+    bakes: Query<&BakeProgress>,
+) {
+    let Ok((occlusion, view)) = cameras.single() else { return };
+    let on = |on: bool| if on { "on" } else { "off" };
+    let view = match view {
+        None => "picture",
+        Some(FieldDebugView::AmbientVisibility) => "ambient visibility",
+        Some(_) => "sun visibility",
+    };
+    let mut text = format!(
+        "A ambient occlusion: {}   S sun shadows: {}   D view: {view}   Q quality: {:?}   Space pause   Esc quit",
+        on(occlusion.ambient_occlusion),
+        on(!shadowed.is_empty()),
+        occlusion.quality,
+    );
+    if let Some(progress) = bakes.iter().map(|progress| progress.0).min_by(f32::total_cmp) {
+        text += &format!("\nbaking: {:.0} %", progress * 100.0);
+    }
+    if help.0 != text {
+        help.0 = text;
+    }
+}
