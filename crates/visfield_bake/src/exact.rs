@@ -133,7 +133,7 @@ mod tests {
             let exact = (1.0 / (1.0 + height * height)) as f32;
             assert!((occlusion - exact).abs() < 0.005, "height {height}: {occlusion}, exactly {exact}");
             let near = AmbientOcclusion { max_distance: height as f32 * 0.99, ..settings };
-            assert_eq!(ambient_occlusion(&scene, &receiver, &near), 0.0);
+            assert!(ambient_occlusion(&scene, &receiver, &near) <= 0.0, "nothing is near");
         }
     }
 
@@ -156,7 +156,8 @@ mod tests {
         let normal = turned.transform_vector3(DVec3::Y).as_vec3();
         for i in 0..50 {
             let position = turned.transform_point3(dvec3(0.013 * f64::from(i), 0.0, 0.007 * f64::from(i)));
-            assert_eq!(ambient_occlusion(&scene, &Receiver { position, normal }, &AmbientOcclusion::default()), 0.0);
+            let receiver = Receiver { position, normal };
+            assert!(ambient_occlusion(&scene, &receiver, &AmbientOcclusion::default()) <= 0.0, "point {i}");
         }
     }
 

@@ -112,14 +112,10 @@ impl Mesh {
     }
 }
 
-/// Twice the area below which a triangle counts as a line, relative to its longest edge squared. Differences and products
-/// of `f32` coordinates are nearly exact in `f64`, so that only true lines fall below, not thin triangles.
-const DEGENERATE: f64 = 1.0e-12;
-
+/// Whether the corners span an area. Differences and products of `f32` coordinates are exact in `f64`, or nearly so: thin
+/// triangles stay apart from lines.
 fn has_area([a, b, c]: [DVec3; 3]) -> bool {
-    let (ab, ac, bc) = (b - a, c - a, c - b);
-    let longest = ab.length_squared().max(ac.length_squared()).max(bc.length_squared());
-    ab.cross(ac).length() > longest * DEGENERATE
+    (b - a).cross(c - a) != DVec3::ZERO
 }
 
 #[cfg(test)]

@@ -9,9 +9,9 @@ use crate::surface::Surface;
 
 /// Lobes around the vertical axis, and from pole to pole.
 const LOBES: (f64, f64) = (6.0, 4.0);
-/// The superformula's n1 and n2 = n3. Between two lobes the radius falls to 2^((n2/2 − 1)/n1) = 0.66; n2 above 1 keeps the
+/// The superformula's n1 and n2 = n3. Between two lobes the radius falls to 2^((n2/2 − 1)/n1) = 0.59; n2 above 1 keeps the
 /// surface free of creases.
-const EXPONENTS: (f64, f64) = (0.25, 1.7);
+const EXPONENTS: (f64, f64) = (0.2, 1.7);
 const SCALE: f64 = 0.8;
 const SECTORS: usize = 96;
 const STACKS: usize = 43;
