@@ -41,8 +41,9 @@ fn every_mesh_of_a_helmet_agrees_with_exact_rays() {
     assert_eq!(names, [0, 1, 2, 3, 4, 5].map(|m| format!("Mesh{m}/Primitive0")));
     for mesh in &meshes {
         let errors = compare(&bake_coarse(mesh), 5_000, exact_hits(mesh));
-        // Measured: at most 0.060, 0.045, 0.035, 0.040; thin shells and straps are the hardest.
-        errors.assert_below(&mesh.name, [0.075, 0.060, 0.045, 0.050]);
+        // Measured: at most 0.056, 0.050, 0.028, 0.035. Thin parts are the hardest: of the rays that meet Mesh3, three
+        // quarters as many are wrong.
+        errors.assert_below(&mesh.name, [0.073, 0.065, 0.037, 0.046]);
     }
 }
 

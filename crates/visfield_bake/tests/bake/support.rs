@@ -63,13 +63,15 @@ pub(crate) struct Errors {
 }
 
 impl Errors {
-    /// Fails if one of `first_disagree`, `first_distance`, `occluded_disagree` and `last_distance` exceeds its bound, or if
-    /// the rays did not try both hits and misses.
+    /// Fails if one of `first_disagree`, `first_distance`, `occluded_disagree` and `last_distance` exceeds its bound, if the
+    /// rays did not try both hits and misses, or if one constant answer would have done as well.
     pub(crate) fn assert_below(&self, what: &str, bounds: [f64; 4]) {
         println!("{what}: {self:.4?}");
         let found = [self.first_disagree, self.first_distance, self.occluded_disagree, self.last_distance];
         assert!(found.iter().zip(bounds).all(|(found, bound)| *found < bound), "{what}: {self:?} exceeds {bounds:?}");
         assert!((0.05..0.95).contains(&self.hits), "{what}: {self:?}");
+        // A field that always hits, or never, must not pass where one answer is rare.
+        assert!(self.first_disagree < 0.9 * self.hits.min(1.0 - self.hits), "{what}: {self:?}");
     }
 }
 
