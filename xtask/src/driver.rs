@@ -22,7 +22,7 @@ const DEBIAN_PACKAGES: [&str; 2] = ["libvulkan1", "mesa-vulkan-drivers"];
 #[derive(Debug, Error)]
 pub(crate) enum DriverError {
     /// The package manager failed.
-    #[error("`{command}` failed ({reason}); a Vulkan driver is needed, please install mesa-vulkan-drivers")]
+    #[error("`{command}` failed ({reason}); a Vulkan driver is needed: install mesa-vulkan-drivers as root")]
     Install { command: String, reason: String },
     /// The packages are there, the driver is not.
     #[error("mesa-vulkan-drivers was installed, but {0}; is there a Vulkan driver for this machine?")]
@@ -38,6 +38,9 @@ pub(crate) enum Missing {
     /// Drivers are known by small manifest files.
     #[error("no Vulkan driver is installed (there is no manifest in vulkan/icd.d)")]
     Driver,
+    /// The user asks for a driver that is not there; installing another one would not help.
+    #[error("{0} names no driver manifest; correct it or unset it")]
+    ChosenDriver(&'static str),
 }
 
 /// Returns when a driver is there, or when this is a system on which only its user can install one; that is then told.
@@ -46,6 +49,10 @@ pub(crate) fn ensure() -> Result<(), DriverError> {
         return Ok(()); // Metal and Direct3D come with the system.
     }
     let Some(missing) = find_missing() else { return Ok(()) };
+    if let Missing::ChosenDriver(_) = missing {
+        eprintln!("warning: {missing}");
+        return Ok(());
+    }
     let system = System::read();
     if !system.is_debian() {
         // Perhaps the driver lies where we do not look: go on, and let the program say so if not.
@@ -62,6 +69,17 @@ fn find_missing() -> Option<Missing> {
     if !library_folders(variable, env::consts::ARCH).iter().any(|folder| folder.join("libvulkan.so.1").exists()) {
         return Some(Missing::Loader);
     }
+    missing_driver(variable)
+}
+
+/// Looks for manifests where the Vulkan loader does (`LoaderDriverInterface.md` in its documentation).
+fn missing_driver(variable: impl Fn(&str) -> Option<OsString>) -> Option<Missing> {
+    for name in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
+        let chosen = paths(variable(name));
+        if !chosen.is_empty() {
+            return (!chosen.iter().any(|place| has_manifest(place))).then_some(Missing::ChosenDriver(name));
+        }
+    }
     (!manifest_places(variable).iter().any(|place| has_manifest(place))).then_some(Missing::Driver)
 }
 
@@ -75,14 +93,8 @@ fn library_folders(variable: impl Fn(&str) -> Option<OsString>, architecture: &s
     folders
 }
 
-/// The files and folders in which the Vulkan loader looks for manifests, from its documentation (`LoaderDriverInterface.md`).
+/// The files and folders in which drivers' manifests can be, if the user does not choose some.
 fn manifest_places(variable: impl Fn(&str) -> Option<OsString>) -> Vec<PathBuf> {
-    for exclusive in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
-        let places = paths(variable(exclusive));
-        if !places.is_empty() {
-            return places;
-        }
-    }
     let of_home = |below: &str| {
         let home = variable("HOME").filter(|home| !home.is_empty());
         home.map(|home| Path::new(&home).join(below).into_os_string())
@@ -173,7 +185,7 @@ fn install() -> Result<(), DriverError> {
     if let Err(error) = run(apt(is_root, may_ask, &["update"])) {
         eprintln!("warning: {error}");
     }
-    let packages = ["install", "--yes", "--no-install-recommends"].into_iter().chain(DEBIAN_PACKAGES);
+    let packages = ["install", "--yes", "--no-upgrade", "--no-install-recommends"].into_iter().chain(DEBIAN_PACKAGES);
     run(apt(is_root, may_ask, &packages.collect::<Vec<_>>()))
 }
 
@@ -244,26 +256,41 @@ mod tests {
         }
     }
 
-    fn places(set: &[(&str, &str)]) -> Vec<String> {
-        let variable = |name: &str| set.iter().find(|(key, _)| *key == name).map(|(_, value)| OsString::from(value));
-        manifest_places(variable).into_iter().map(|path| path.to_str().unwrap().to_owned()).collect()
+    fn variables<'a>(set: &'a [(&str, &str)]) -> impl Fn(&str) -> Option<OsString> + 'a {
+        |name| set.iter().find(|(key, _)| *key == name).map(|(_, value)| OsString::from(value))
     }
 
     #[cfg(unix)]
     #[test]
     fn manifests_are_looked_for_where_the_loader_does() {
-        let found = places(&[("HOME", "/home/me")]);
+        let found = manifest_places(variables(&[("HOME", "/home/me")]));
         for folder in ["/etc", "/usr/share", "/usr/local/share", "/home/me/.local/share", "/home/me/.config"] {
-            assert!(found.contains(&format!("{folder}/vulkan/icd.d")), "{folder}");
+            assert!(found.contains(&Path::new(folder).join("vulkan/icd.d")), "{folder}");
         }
-        let found = places(&[("XDG_DATA_DIRS", "/a:/b"), ("XDG_DATA_HOME", "/c"), ("VK_ADD_DRIVER_FILES", "/d.json")]);
+        let set = [("XDG_DATA_DIRS", "/a:/b"), ("XDG_DATA_HOME", "/c"), ("VK_ADD_DRIVER_FILES", "/d.json")];
+        let found = manifest_places(variables(&set));
         for place in ["/a/vulkan/icd.d", "/b/vulkan/icd.d", "/c/vulkan/icd.d", "/d.json"] {
-            assert!(found.contains(&place.to_owned()), "{place}");
+            assert!(found.contains(&PathBuf::from(place)), "{place}");
         }
-        assert!(!found.contains(&"/usr/share/vulkan/icd.d".to_owned()));
-        assert_eq!(places(&[("VK_DRIVER_FILES", "/only.json:/too")]).len(), 2);
-        assert_eq!(places(&[("VK_ICD_FILENAMES", "/only.json")]).len(), 1);
-        assert!(places(&[("VK_DRIVER_FILES", "")]).len() > 1);
+        assert!(!found.contains(&PathBuf::from("/usr/share/vulkan/icd.d")));
+    }
+
+    #[test]
+    fn a_chosen_driver_is_the_only_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let (chosen, other) = (folder.path().join("chosen.json"), folder.path().join("vulkan/icd.d/other.json"));
+        fs::create_dir_all(other.parent().unwrap()).unwrap();
+        fs::write(&other, "{}").unwrap();
+        let (chosen_path, folder_path) = (chosen.to_str().unwrap(), folder.path().to_str().unwrap());
+        assert_eq!(missing_driver(variables(&[("XDG_DATA_DIRS", folder_path)])), None);
+        for name in ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"] {
+            let set = [("XDG_DATA_DIRS", folder_path), (name, chosen_path)];
+            assert_eq!(missing_driver(variables(&set)), Some(Missing::ChosenDriver(name)));
+            fs::write(&chosen, "{}").unwrap();
+            assert_eq!(missing_driver(variables(&set)), None);
+            fs::remove_file(&chosen).unwrap();
+            assert_eq!(missing_driver(variables(&[("XDG_DATA_DIRS", folder_path), (name, "")])), None);
+        }
     }
 
     #[test]
