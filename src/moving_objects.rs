@@ -14,7 +14,7 @@ use bevy_visfield::prelude::*;
 pub const PERIOD: f32 = 8.0;
 
 /// Where the sun stands: the unit vector towards it is this one, normalised.
-const TO_SUN: Vec3 = Vec3::new(0.45, 1.0, 0.55);
+const TO_SUN: Vec3 = Vec3::new(0.6, 1.0, 0.5);
 
 /// The time of the scene in seconds. Advance it to move the objects.
 ///
@@ -104,23 +104,23 @@ pub fn objects() -> Vec<MovingObject> {
     // Four chairs slide around a supershape that hops among them.
     for (i, color) in [IVORY, GOLD, IVORY, GREEN].into_iter().enumerate() {
         let phase = i as f32 / 4.0;
-        add(CHAIR, 0.9, color, Motion::Slide { center: Vec2::new(0.0, 0.4), radius: 2.3, phase, spins: -1.0 });
+        add(CHAIR, 1.15, color, Motion::Slide { center: Vec2::new(0.3, 0.6), radius: 2.1, phase, spins: -1.0 });
     }
-    add(SUPERSHAPE, 0.8, RED, Motion::Hop { at: Vec2::new(0.0, 0.4), height: 0.5, phase: 0.0, spins: 1.0 });
+    add(SUPERSHAPE, 1.0, RED, Motion::Hop { at: Vec2::new(0.3, 0.6), height: 0.6, phase: 0.0, spins: 1.0 });
     // Knots and supershapes orbit above, close to each other and to the walls.
     for i in 0..4 {
         let phase = i as f32 / 4.0 + 0.1;
         let (mesh, color) = if i % 2 == 0 { (KNOT, BLUE) } else { (SUPERSHAPE, GOLD) };
         let axis = Vec3::new(1.0, 0.5 + i as f32 * 0.4, 0.3 - i as f32 * 0.2);
-        let center = Vec3::new(-0.2, 2.9, -0.4);
-        add(mesh, 0.62, color, Motion::Orbit { center, radius: 1.7, phase, axis, spins: 1.0 + (i % 2) as f32 });
+        let center = Vec3::new(-1.0, 3.1, -1.0);
+        add(mesh, 0.95, color, Motion::Orbit { center, radius: 1.7, phase, axis, spins: 1.0 + (i % 2) as f32 });
     }
     // Small ones on the floor: still contacts, and contacts that come and go.
-    add(KNOT, 0.7, BLUE, Motion::Slide { center: Vec2::new(-3.4, -0.6), radius: 0.5, phase: 0.3, spins: 1.0 });
-    add(KNOT, 0.55, RED, Motion::Hop { at: Vec2::new(3.5, 1.6), height: 0.8, phase: 0.5, spins: -1.0 });
-    add(SUPERSHAPE, 0.6, IVORY, Motion::Slide { center: Vec2::new(3.4, -1.2), radius: 0.5, phase: 0.8, spins: -2.0 });
-    add(SUPERSHAPE, 0.45, GREEN, Motion::Hop { at: Vec2::new(-3.0, 2.4), height: 0.6, phase: 0.25, spins: 1.0 });
-    add(CHAIR, 0.7, RED, Motion::Slide { center: Vec2::new(-1.2, -2.7), radius: 0.3, phase: 0.6, spins: 1.0 });
+    add(KNOT, 0.95, BLUE, Motion::Slide { center: Vec2::new(-2.8, -0.4), radius: 0.4, phase: 0.3, spins: 1.0 });
+    add(KNOT, 0.7, RED, Motion::Hop { at: Vec2::new(3.3, 2.4), height: 0.8, phase: 0.5, spins: -1.0 });
+    add(SUPERSHAPE, 0.8, IVORY, Motion::Slide { center: Vec2::new(2.9, -1.6), radius: 0.5, phase: 0.8, spins: -2.0 });
+    add(SUPERSHAPE, 0.6, GREEN, Motion::Hop { at: Vec2::new(-2.6, 2.6), height: 0.6, phase: 0.25, spins: 1.0 });
+    add(CHAIR, 0.95, RED, Motion::Slide { center: Vec2::new(-0.6, -2.3), radius: 0.3, phase: 0.6, spins: 1.0 });
     objects
 }
 
@@ -192,24 +192,24 @@ pub fn spawn_surroundings(
         let mesh = meshes.add(Plane3d::new(normal, half_size));
         commands.spawn((Mesh3d(mesh), MeshMaterial3d(plaster.clone()), Transform::from_translation(at)));
     };
-    plane(Vec3::Y, Vec2::new(5.0, 5.0), Vec3::new(0.0, 0.0, 1.2));
-    plane(Vec3::Z, Vec2::new(5.0, 2.6), Vec3::new(0.0, 2.6, -3.8));
-    plane(Vec3::X, Vec2::new(2.6, 5.0), Vec3::new(-5.0, 2.6, 1.2));
+    plane(Vec3::Y, Vec2::new(4.5, 4.5), Vec3::new(0.5, 0.0, 1.1));
+    plane(Vec3::Z, Vec2::new(4.5, 2.6), Vec3::new(0.5, 2.6, -3.4));
+    plane(Vec3::X, Vec2::new(2.6, 4.5), Vec3::new(-4.0, 2.6, 1.1));
     commands.spawn((
-        DirectionalLight { illuminance: 5_500.0, color: Color::srgb(1.0, 0.95, 0.85), ..default() },
+        DirectionalLight { illuminance: 4_000.0, color: Color::srgb(1.0, 0.95, 0.85), ..default() },
         Transform::default().looking_to(-TO_SUN, Vec3::Y),
         FieldShadows::default(),
     ));
     commands.insert_resource(GlobalAmbientLight {
         color: Color::srgb(0.85, 0.92, 1.0),
-        brightness: 900.0,
+        brightness: 1_300.0,
         ..default()
     });
 }
 
 /// The camera's place, looking into the corner.
 pub fn camera_transform() -> Transform {
-    Transform::from_xyz(4.6, 4.4, 9.4).looking_at(Vec3::new(-0.4, 1.3, -0.4), Vec3::Y)
+    Transform::from_xyz(4.4, 4.3, 8.2).looking_at(Vec3::new(-0.15, 1.45, -0.2), Vec3::Y)
 }
 
 /// Moves the objects to where they are at the time of the [`SceneClock`].

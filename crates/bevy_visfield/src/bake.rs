@@ -187,7 +187,7 @@ mod tests {
         run_until_done(&mut app);
         let late = spawn(&mut app);
         run_until_done(&mut app);
-        let field = |entity| app.world().entity(entity).get::<VisibilityField3d>().cloned().unwrap();
+        let field = |entity: Entity| app.world().entity(entity).get::<VisibilityField3d>().cloned().unwrap();
         assert_eq!(field(first), field(second));
         assert_eq!(field(first), field(late));
         assert_eq!(app.world().resource::<Assets<VisibilityField>>().len(), 1);

@@ -101,8 +101,8 @@ impl FieldOcclusion {
     }
 }
 
-/// How many rays [`FieldOcclusion`] sends. The denoiser gathers the rays of 4×4 pixels, so that a surface is seen by
-/// sixteen times as many as one pixel sends.
+/// How many rays [`FieldOcclusion`] sends. The denoiser gathers the rays of 8×8 pixels for ambient occlusion and of 4×4 for
+/// each light, so that a surface sends 64 and 16 times as many as a pixel.
 ///
 /// ```
 /// use bevy_visfield::FieldOcclusionQuality;
@@ -111,14 +111,14 @@ impl FieldOcclusion {
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[reflect(Default, Clone, PartialEq, Hash)]
 pub enum FieldOcclusionQuality {
-    /// 4 rays per pixel and estimator: 64 per denoised pixel.
+    /// 4 rays per pixel for ambient occlusion, and 4 for each light.
     Low,
-    /// 8 rays per pixel and estimator: 128 per denoised pixel.
+    /// 8 rays per pixel for ambient occlusion, and 8 for each light.
     #[default]
     Medium,
-    /// 16 rays per pixel and estimator: 256 per denoised pixel.
+    /// 16 rays per pixel for ambient occlusion, and 16 for each light.
     High,
-    /// 32 rays per pixel and estimator: 512 per denoised pixel.
+    /// 32 rays per pixel for ambient occlusion, and 32 for each light.
     Ultra,
     /// Numbers of your own, each 1 to 32; others are clamped.
     Custom {

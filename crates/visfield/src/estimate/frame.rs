@@ -5,7 +5,9 @@
 use glam::{IVec2, Mat4, UVec2, Vec2, Vec3, Vec4, uvec2, vec2};
 
 use super::cosine_direction;
-use super::sampling::{DiscBasis, INTERLEAVE, disc_samples, interleave_index, sphere_samples};
+use super::sampling::{
+    AMBIENT_INTERLEAVE_BITS, DiscBasis, LIGHT_INTERLEAVE_BITS, disc_samples, interleave_index, residues, sphere_samples,
+};
 use crate::field::VisibilityField;
 use crate::field::query::Bias;
 use crate::scene::Placement;
@@ -20,13 +22,13 @@ pub const MAX_RAYS: u32 = 32;
 /// ```
 /// use visfield::estimate::frame::TraceSettings;
 /// let settings = TraceSettings { ambient_rays: 4, ..TraceSettings::default() };
-/// assert_eq!(settings.sphere_samples().len(), 64); // shared by squares of 4×4 pixels
+/// assert_eq!(settings.sphere_samples().len(), 4 * 64); // shared by squares of 8×8 pixels
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceSettings {
-    /// Ambient occlusion rays per pixel, 0 (none) to [`MAX_RAYS`]. The denoiser sees sixteen times as many.
+    /// Ambient occlusion rays per pixel, 0 (none) to [`MAX_RAYS`]. The denoiser sees 64 times as many.
     pub ambient_rays: u32,
-    /// Rays per pixel and light, 0 (none) to [`MAX_RAYS`].
+    /// Rays per pixel and light, 0 (none) to [`MAX_RAYS`]. The denoiser sees 16 times as many.
     pub shadow_rays: u32,
     /// Ambient occlusion ignores hits beyond this distance, in world units. Infinity counts all.
     pub max_distance: f32,
@@ -52,14 +54,14 @@ impl TraceSettings {
         }
     }
 
-    /// The points of the sphere that 4×4 pixels share for ambient occlusion.
+    /// The points of the sphere that 8×8 pixels share for ambient occlusion.
     pub fn sphere_samples(&self) -> Vec<Vec3> {
-        sphere_samples(self.ambient_rays * INTERLEAVE * INTERLEAVE)
+        sphere_samples(self.ambient_rays * residues(AMBIENT_INTERLEAVE_BITS))
     }
 
     /// The points of the disc that 4×4 pixels share for each light.
     pub fn disc_samples(&self) -> Vec<Vec2> {
-        disc_samples(self.shadow_rays * INTERLEAVE * INTERLEAVE)
+        disc_samples(self.shadow_rays * residues(LIGHT_INTERLEAVE_BITS))
     }
 }
 
@@ -159,7 +161,6 @@ pub fn trace(
         if receiver.depth == 0.0 {
             return Vec4::ZERO;
         }
-        let residue = interleave_index(pixel.x, pixel.y) as usize;
         let blocked = |direction: Vec3, t_max: f32| {
             let cosine = receiver.normal.dot(direction);
             instances.iter().any(|(placement, field)| {
@@ -168,14 +169,13 @@ pub fn trace(
                 field.occluded(origin, along, t_max, cosine, settings.bias)
             })
         };
-        let pattern = (INTERLEAVE * INTERLEAVE) as usize;
         let mut occlusion = Vec4::ZERO;
-        let ambient = sphere.iter().skip(residue).step_by(pattern);
-        let count =
-            ambient.filter(|&&point| blocked(cosine_direction(receiver.normal, point), settings.max_distance)).count();
+        let count = own_samples(&sphere, pixel, AMBIENT_INTERLEAVE_BITS)
+            .filter(|&&point| blocked(cosine_direction(receiver.normal, point), settings.max_distance))
+            .count();
         occlusion.x = count as f32 / settings.ambient_rays.max(1) as f32;
         for light in lights.iter().filter(|light| receiver.normal.dot(light.disc.axis) > 0.0) {
-            let rays = disc.iter().skip(residue).step_by(pattern);
+            let rays = own_samples(&disc, pixel, LIGHT_INTERLEAVE_BITS);
             let count = rays.filter(|&&point| blocked(light.disc.direction(point), f32::INFINITY)).count();
             occlusion[light.channel + 1] = count as f32 / settings.shadow_rays.max(1) as f32;
         }
@@ -184,45 +184,69 @@ pub fn trace(
     geometry.pixels().map(trace_pixel).collect()
 }
 
-/// Averages the interleaved patterns over the same surface.
-pub fn denoise(geometry: &GeometryBuffer, noisy: &[Vec4]) -> Vec<Vec4> {
-    let last = geometry.size.as_ivec2() - 1;
-    let denoise_pixel = |pixel: UVec2| {
-        let center = geometry.receiver_at(pixel);
-        let mut sum = noisy[geometry.index(pixel)];
-        let mut total = 1.0;
-        if center.depth > 0.0 {
-            let footprint = pixel_footprint(geometry, pixel, &center);
-            for y in -2..=2 {
-                for x in -2..=2 {
-                    let offset = IVec2::new(x, y);
-                    let at = pixel.as_ivec2() + offset;
-                    if offset == IVec2::ZERO || at.cmplt(IVec2::ZERO).any() || at.cmpgt(last).any() {
-                        continue;
-                    }
-                    let at = at.as_uvec2();
-                    let weight = bilateral_weight(&center, &geometry.receiver_at(at), offset, footprint);
-                    sum += noisy[geometry.index(at)] * weight;
-                    total += weight;
-                }
-            }
-        }
-        (sum / total).clamp(Vec4::ZERO, Vec4::ONE)
-    };
-    geometry.pixels().map(denoise_pixel).collect()
+/// The samples of a shared pattern that a pixel takes.
+fn own_samples<T>(pattern: &[T], pixel: UVec2, bits: u32) -> impl Iterator<Item = &T> {
+    let residue = interleave_index(pixel.x, pixel.y, bits) as usize;
+    pattern.iter().skip(residue).step_by(residues(bits) as usize)
 }
 
-/// How much a neighbour counts that lies `offset` pixels away: the ends of the five taps share one residue of the four, and
-/// so half each. Falls to 0 across depth edges and creases; `footprint` is the width of a pixel at the centre.
-pub fn bilateral_weight(center: &FrameReceiver, neighbor: &FrameReceiver, offset: IVec2, footprint: f32) -> f32 {
+/// Averages the interleaved patterns over the same surface, along rows and then along columns. The shader's pass over
+/// columns also encodes the result, see [`OUTPUT_FORMAT`](crate::gpu::OUTPUT_FORMAT).
+pub fn denoise(geometry: &GeometryBuffer, noisy: &[Vec4]) -> Vec<Vec4> {
+    let rows = denoise_lines(geometry, noisy, IVec2::X);
+    let columns = denoise_lines(geometry, &rows, IVec2::Y);
+    columns.into_iter().map(|occlusion| occlusion.clamp(Vec4::ZERO, Vec4::ONE)).collect()
+}
+
+/// Taps to either side.
+const REACH: i32 = 4;
+
+fn denoise_lines(geometry: &GeometryBuffer, noisy: &[Vec4], along: IVec2) -> Vec<Vec4> {
+    let last = geometry.size.as_ivec2() - 1;
+    let denoise_line = |pixel: UVec2| {
+        let center = geometry.receiver_at(pixel);
+        let mut sum = noisy[geometry.index(pixel)];
+        let mut total = Vec4::ONE;
+        if center.depth > 0.0 {
+            let footprint = pixel_footprint(geometry, pixel, &center);
+            for offset in -REACH..=REACH {
+                let at = pixel.as_ivec2() + along * offset;
+                if offset == 0 || at.cmplt(IVec2::ZERO).any() || at.cmpgt(last).any() {
+                    continue;
+                }
+                let at = at.as_uvec2();
+                let weight = pattern_weight(offset) * bilateral_weight(&center, &geometry.receiver_at(at), footprint);
+                sum += noisy[geometry.index(at)] * weight;
+                total += weight;
+            }
+        }
+        sum / total
+    };
+    geometry.pixels().map(denoise_line).collect()
+}
+
+/// How much a tap counts for ambient occlusion and for lights, whose patterns repeat every eight and four pixels: each
+/// residue counts once, those at both ends half each.
+fn pattern_weight(offset: i32) -> Vec4 {
+    let ambient = if offset.abs() == 4 { 0.5 } else { 1.0 };
+    let light = match offset.abs() {
+        0 | 1 => 1.0,
+        2 => 0.5,
+        _ => 0.0,
+    };
+    Vec4::new(ambient, light, light, light)
+}
+
+/// How far a neighbour lies on the same surface, from 1 to 0 across depth edges and creases. `footprint` is the width of a
+/// pixel at the centre, in world units.
+pub fn bilateral_weight(center: &FrameReceiver, neighbor: &FrameReceiver, footprint: f32) -> f32 {
     if neighbor.depth == 0.0 {
         return 0.0;
     }
-    let end = |component: i32| if component.abs() == 2 { 0.5 } else { 1.0 };
     let off_plane = center.normal.dot(neighbor.position - center.position).abs();
     let same_plane = (2.0 - off_plane / footprint).clamp(0.0, 1.0);
     let same_facing = (center.normal.dot(neighbor.normal) * 4.0 - 3.0).clamp(0.0, 1.0);
-    end(offset.x) * end(offset.y) * same_plane * same_facing
+    same_plane * same_facing
 }
 
 /// Width of a pixel at a receiver, in world units.

@@ -6,9 +6,22 @@ use std::f32::consts::TAU;
 
 use glam::{Vec2, Vec3, vec2, vec3};
 
-/// Side of the square of pixels that share one pattern. Each of its pixels takes every sixteenth sample; the denoiser
-/// averages the square, and so sees them all (interleaved sampling, Keller & Heidrich 2001).
-pub const INTERLEAVE: u32 = 4;
+/// Pixels share a sample pattern in squares of 2^bits pixels a side: each takes its own residue of the samples, and the
+/// denoiser averages the square, and so sees them all (interleaved sampling, Keller & Heidrich 2001). This is for ambient
+/// occlusion, 8×8 pixels: smooth, and noisy wherever a direction is missing.
+pub const AMBIENT_INTERLEAVE_BITS: u32 = 3;
+/// The same for lights, 4×4 pixels: a light's disc needs fewer directions, and its shadows have finer edges to keep.
+pub const LIGHT_INTERLEAVE_BITS: u32 = 2;
+
+/// Number of residues: pixels that share one pattern.
+///
+/// ```
+/// use visfield::estimate::sampling::{AMBIENT_INTERLEAVE_BITS, residues};
+/// assert_eq!(residues(AMBIENT_INTERLEAVE_BITS), 64);
+/// ```
+pub const fn residues(bits: u32) -> u32 {
+    1 << (2 * bits)
+}
 
 /// Fraction of a turn from one sample to the next: the golden angle, which keeps every run of samples well spread.
 const GOLDEN: f64 = 0.618_033_988_749_894_8;
@@ -47,18 +60,18 @@ pub fn disc_samples(count: u32) -> Vec<Vec2> {
         .collect()
 }
 
-/// Which of the shared pattern's residues a pixel takes, 0…15: the bits of the 4×4 Bayer matrix, so that neighbours take
+/// Which residue of the shared pattern a pixel takes, below [`residues`]`(bits)`: the Bayer matrix, so that neighbours take
 /// samples that are far apart.
 ///
 /// ```
 /// use visfield::estimate::sampling::interleave_index;
-/// assert_ne!(interleave_index(0, 0), interleave_index(1, 0));
-/// assert_eq!(interleave_index(0, 0), interleave_index(4, 8));
+/// assert_ne!(interleave_index(0, 0, 2), interleave_index(1, 0, 2));
+/// assert_eq!(interleave_index(0, 0, 2), interleave_index(4, 8, 2));
 /// ```
 #[inline]
-pub fn interleave_index(x: u32, y: u32) -> u32 {
+pub fn interleave_index(x: u32, y: u32, bits: u32) -> u32 {
     let diagonal = x ^ y;
-    ((diagonal & 1) << 3) | ((y & 1) << 2) | (diagonal & 2) | ((y & 2) >> 1)
+    (0..bits).fold(0, |index, bit| (index << 2) | (((diagonal >> bit) & 1) << 1) | ((y >> bit) & 1))
 }
 
 /// The directions towards a light's disc: the light's axis and two scaled tangents.
@@ -105,21 +118,21 @@ mod tests {
 
     #[test]
     fn every_pixel_of_a_square_takes_another_residue() {
-        let mut seen = [false; 16];
-        for y in 0..INTERLEAVE {
-            for x in 0..INTERLEAVE {
-                seen[interleave_index(x, y) as usize] = true;
-            }
+        for bits in [LIGHT_INTERLEAVE_BITS, AMBIENT_INTERLEAVE_BITS] {
+            let side = 1 << bits;
+            let mut taken: Vec<u32> =
+                (0..side).flat_map(|y| (0..side).map(move |x| interleave_index(x, y, bits))).collect();
+            taken.sort_unstable();
+            assert!(taken.into_iter().eq(0..residues(bits)));
         }
-        assert_eq!(seen, [true; 16]);
     }
 
     #[test]
     fn interleaved_subsets_are_even_too() {
-        // Every pixel's own 8 of 128 samples must already estimate a half-space well.
-        let samples = sphere_samples(128);
-        for residue in 0..16 {
-            let own = samples.iter().skip(residue).step_by(16);
+        // Every pixel's own 8 samples must already estimate a half-space well.
+        let samples = sphere_samples(8 * residues(AMBIENT_INTERLEAVE_BITS));
+        for residue in 0..residues(AMBIENT_INTERLEAVE_BITS) as usize {
+            let own = samples.iter().skip(residue).step_by(64);
             let above = own.clone().filter(|p| p.x > 0.0).count();
             assert!((2..=6).contains(&above), "residue {residue}: {above} of 8 to one side");
             assert_eq!(own.filter(|p| p.z > 0.0).count(), 4);

@@ -24,7 +24,7 @@ pub fn trace_source() -> String {
     [FIELD_SOURCE, FRAME_SOURCE, include_str!("../shaders/trace.wgsl")].concat()
 }
 
-/// The denoise pass, entry point `denoise`.
+/// The denoise passes, entry points `denoise_rows` and `denoise_columns`.
 pub fn denoise_source() -> String {
     [FRAME_SOURCE, include_str!("../shaders/denoise.wgsl")].concat()
 }

@@ -43,7 +43,8 @@ pub enum MissingCapability {
 #[derive(Debug)]
 pub struct OcclusionPasses {
     trace: wgpu::ComputePipeline,
-    denoise: wgpu::ComputePipeline,
+    denoise_rows: wgpu::ComputePipeline,
+    denoise_columns: wgpu::ComputePipeline,
 }
 
 /// What one camera's frame is made of.
@@ -77,7 +78,8 @@ pub struct OcclusionView {
     instances: Option<wgpu::Buffer>,
     /// The sample patterns, and the numbers of rays that they were made for.
     samples: Option<(wgpu::Buffer, [u32; 2])>,
-    noisy: Option<wgpu::Texture>,
+    /// What the trace makes, and what the pass over rows makes of it.
+    intermediate: Option<[wgpu::Texture; 2]>,
 }
 
 impl OcclusionView {
@@ -106,23 +108,26 @@ impl OcclusionPasses {
 
     /// Builds the pipelines. The device must pass [`check`](Self::check).
     pub fn new(device: &wgpu::Device) -> Self {
-        let pipeline = |label: &str, source: String| {
-            let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some(label),
-                source: wgpu::ShaderSource::Wgsl(source.into()),
-            });
+        let module = |label, source: String| {
+            let source = wgpu::ShaderSource::Wgsl(source.into());
+            device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
+        };
+        let trace = module("field occlusion trace", trace_source());
+        let denoise = module("field occlusion denoise", denoise_source());
+        let pipeline = |module: &wgpu::ShaderModule, entry_point| {
             device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label: Some(label),
+                label: Some(entry_point),
                 layout: None,
-                module: &module,
-                entry_point: None,
+                module,
+                entry_point: Some(entry_point),
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
                 cache: None,
             })
         };
         Self {
-            trace: pipeline("field occlusion trace", trace_source()),
-            denoise: pipeline("field occlusion denoise", denoise_source()),
+            trace: pipeline(&trace, "trace"),
+            denoise_rows: pipeline(&denoise, "denoise_rows"),
+            denoise_columns: pipeline(&denoise, "denoise_columns"),
         }
     }
 
@@ -151,14 +156,14 @@ impl OcclusionPasses {
         let instances = view.instances(device, inputs.instances.len());
         queue.write_buffer(instances, 0, bytemuck::cast_slice(inputs.instances));
         view.prepare_samples(device, queue, &settings);
-        view.prepare_noisy(device, size);
+        view.prepare_intermediate(device, size);
 
-        let (Some(frame), Some(instances), Some((samples, _)), Some(noisy)) =
-            (&view.frame, &view.instances, &view.samples, &view.noisy)
+        let (Some(frame), Some(instances), Some((samples, _)), Some(intermediate)) =
+            (&view.frame, &view.instances, &view.samples, &view.intermediate)
         else {
             unreachable!("all four were prepared above")
         };
-        let noisy = noisy.create_view(&wgpu::TextureViewDescriptor::default());
+        let [noisy, rows] = intermediate.each_ref().map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
         let texture = wgpu::BindingResource::TextureView;
         let trace_bindings = [
             frame.as_entire_binding(),
@@ -169,16 +174,13 @@ impl OcclusionPasses {
             samples.as_entire_binding(),
             texture(&noisy),
         ];
-        let denoise_bindings = [
-            frame.as_entire_binding(),
-            texture(inputs.depth),
-            texture(inputs.normals),
-            texture(&noisy),
-            texture(inputs.output),
-        ];
+        let [rows_bindings, columns_bindings] = [(&noisy, &rows), (&rows, inputs.output)].map(|(input, output)| {
+            [frame.as_entire_binding(), texture(inputs.depth), texture(inputs.normals), texture(input), texture(output)]
+        });
         for (label, pipeline, bindings) in [
             ("field occlusion trace", &self.trace, &trace_bindings[..]),
-            ("field occlusion denoise", &self.denoise, &denoise_bindings[..]),
+            ("field occlusion denoise rows", &self.denoise_rows, &rows_bindings),
+            ("field occlusion denoise columns", &self.denoise_columns, &columns_bindings),
         ] {
             let bind_group = bind_in_order(device, label, pipeline, bindings);
             let mut pass =
@@ -222,19 +224,22 @@ impl OcclusionView {
         self.samples = Some((buffer, rays));
     }
 
-    fn prepare_noisy(&mut self, device: &wgpu::Device, size: UVec2) {
-        if self.noisy.as_ref().is_some_and(|texture| (texture.width(), texture.height()) == (size.x, size.y)) {
+    fn prepare_intermediate(&mut self, device: &wgpu::Device, size: UVec2) {
+        let fits = |[noisy, _]: &[wgpu::Texture; 2]| (noisy.width(), noisy.height()) == (size.x, size.y);
+        if self.intermediate.as_ref().is_some_and(fits) {
             return;
         }
-        self.noisy = Some(device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("field occlusion, noisy"),
-            size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: OUTPUT_FORMAT,
-            usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
+        self.intermediate = Some(["field occlusion, noisy", "field occlusion, rows"].map(|label| {
+            device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: OUTPUT_FORMAT,
+                usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            })
         }));
     }
 }

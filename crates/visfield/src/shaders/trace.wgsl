@@ -15,16 +15,25 @@ struct Instance {
 
 @group(0) @binding(3) var<storage, read> tables: array<u32>;
 @group(0) @binding(4) var<storage, read> instances: array<Instance>;
-// Points of the sphere (16 × ambient_rays), then points of the disc (16 × shadow_rays).
+// Points of the sphere (64 × ambient_rays), then points of the disc (16 × shadow_rays).
 @group(0) @binding(5) var<storage, read> samples: array<vec4<f32>>;
 // Occlusion: ambient, and lights 0, 1, 2.
 @group(0) @binding(6) var noisy_texture: texture_storage_2d<rgba16float, write>;
 
-const INTERLEAVE_COUNT: u32 = 16u;
+const AMBIENT_INTERLEAVE_BITS: u32 = 3u;
+const LIGHT_INTERLEAVE_BITS: u32 = 2u;
 
-fn interleave_index(x: u32, y: u32) -> u32 {
+fn residues(bits: u32) -> u32 {
+    return 1u << (2u * bits);
+}
+
+fn interleave_index(x: u32, y: u32, bits: u32) -> u32 {
     let diagonal = x ^ y;
-    return ((diagonal & 1u) << 3u) | ((y & 1u) << 2u) | (diagonal & 2u) | ((y & 2u) >> 1u);
+    var index = 0u;
+    for (var bit = 0u; bit < bits; bit++) {
+        index = (index << 2u) | (((diagonal >> bit) & 1u) << 1u) | ((y >> bit) & 1u);
+    }
+    return index;
 }
 
 fn cosine_direction(normal: vec3<f32>, point: vec3<f32>) -> vec3<f32> {
@@ -68,7 +77,11 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
         textureStore(noisy_texture, pixel, vec4<f32>(0.0));
         return;
     }
-    let residue = interleave_index(pixel.x, pixel.y);
+    let ambient_residue = interleave_index(pixel.x, pixel.y, AMBIENT_INTERLEAVE_BITS);
+    let light_residue = interleave_index(pixel.x, pixel.y, LIGHT_INTERLEAVE_BITS);
+    let ambient_stride = residues(AMBIENT_INTERLEAVE_BITS);
+    let light_stride = residues(LIGHT_INTERLEAVE_BITS);
+    let first_disc_sample = frame.ambient_rays * ambient_stride;
     let bias = Bias(frame.bias_constant, frame.bias_slope);
     // One bit per ray, set once something blocks it.
     var ambient_blocked = 0u;
@@ -87,7 +100,7 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
                 if (ambient_blocked & (1u << ray)) != 0u {
                     continue;
                 }
-                let point = samples[ray * INTERLEAVE_COUNT + residue].xyz;
+                let point = samples[ray * ambient_stride + ambient_residue].xyz;
                 let direction = cosine_direction(receiver.normal, point);
                 let along = to_field(instances[i], vec4<f32>(direction, 0.0));
                 let cosine = dot(receiver.normal, direction);
@@ -105,7 +118,7 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
                 if (light_blocked[l] & (1u << ray)) != 0u {
                     continue;
                 }
-                let point = samples[(frame.ambient_rays + ray) * INTERLEAVE_COUNT + residue].xy;
+                let point = samples[first_disc_sample + ray * light_stride + light_residue].xy;
                 let direction = disc_direction(light, point);
                 let along = to_field(instances[i], vec4<f32>(direction, 0.0));
                 let cosine = dot(receiver.normal, direction);

@@ -1,0 +1,7 @@
+//! Whole frames of Bevy apps, without a window.
+
+mod adapter;
+mod end_to_end;
+mod probe;
+mod real_meshes;
+mod truth;

@@ -1,0 +1,18 @@
+// Copies what the node saw and what it made into a buffer: two vectors per pixel.
+
+@group(0) @binding(0) var depth_texture: texture_depth_2d;
+@group(0) @binding(1) var normal_texture: texture_2d<f32>;
+@group(0) @binding(2) var occlusion_texture: texture_2d<f32>;
+@group(0) @binding(3) var<storage, read_write> pixels: array<vec4<f32>>;
+
+@compute @workgroup_size(8, 8)
+fn probe(@builtin(global_invocation_id) id: vec3<u32>) {
+    let size = textureDimensions(depth_texture);
+    if any(id.xy >= size) {
+        return;
+    }
+    let at = (id.y * size.x + id.x) * 2u;
+    let normal = textureLoad(normal_texture, id.xy, 0).xyz * 2.0 - 1.0;
+    pixels[at] = vec4<f32>(normal, textureLoad(depth_texture, id.xy, 0));
+    pixels[at + 1u] = textureLoad(occlusion_texture, id.xy, 0);
+}
