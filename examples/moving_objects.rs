@@ -13,6 +13,7 @@
 //! | Space | pause |
 //! | Esc | quit |
 
+use std::fmt::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -293,7 +294,7 @@ fn show_help(
         occlusion.quality,
     );
     if let Some(progress) = bakes.iter().map(|progress| progress.0).min_by(f32::total_cmp) {
-        text += &format!("\nbaking: {:.0} %", progress * 100.0);
+        let _ = write!(text, "\nbaking: {:.0} %", progress * 100.0);
     }
     if help.0 != text {
         help.0 = text;

@@ -1,1 +1,287 @@
+//! The picture: what must darken darkens, what must not change does not.
 
+use bevy::camera::Viewport;
+use bevy::core_pipeline::prepass::DeferredPrepass;
+use bevy::light::GlobalAmbientLight;
+use bevy::pbr::DefaultOpaqueRendererMethod;
+use bevy::prelude::*;
+use bevy::render::RenderApp;
+use bevy_visfield::FieldResidency;
+use bevy_visfield::prelude::*;
+use image::RgbaImage;
+use visfield_workspace::headless::HeadlessApp;
+
+use crate::adapter;
+
+const SIZE: UVec2 = UVec2::new(160, 120);
+
+/// How Bevy shades.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Shading {
+    Forward,
+    Deferred,
+}
+
+/// A ball over a floor, seen from the side, with the sky above; a sun to the right.
+struct Stage {
+    headless: HeadlessApp,
+    ball: Entity,
+    sun: Entity,
+    camera: Entity,
+}
+
+impl Stage {
+    fn new(shading: Shading) -> Self {
+        Self::with_size(shading, SIZE)
+    }
+
+    fn with_size(shading: Shading, size: UVec2) -> Self {
+        let mut headless = HeadlessApp::new(size, |plugins| plugins);
+        headless.app.add_plugins(VisibilityFieldPlugin);
+        let target = headless.target();
+        let world = headless.app.world_mut();
+        world.insert_resource(ClearColor(Color::srgb(0.2, 0.4, 0.8)));
+        world.insert_resource(GlobalAmbientLight { brightness: 2000.0, ..default() });
+        if shading == Shading::Deferred {
+            world.insert_resource(DefaultOpaqueRendererMethod::deferred());
+        }
+        let mut add_mesh = |mesh: Mesh| world.resource_mut::<Assets<Mesh>>().add(mesh);
+        let floor = add_mesh(Plane3d::new(Vec3::Y, Vec2::splat(6.0)).into());
+        let ball_mesh = add_mesh(Sphere::new(1.0).into());
+        let material = world.resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial {
+            base_color: Color::srgb(0.4, 0.4, 0.4),
+            perceptual_roughness: 1.0,
+            ..default()
+        });
+        // A ball whose field is in closed form: no bake, no file.
+        let field = world.resource_mut::<Assets<VisibilityField>>().add(VisibilityField(ball_field()));
+        world.spawn((Mesh3d(floor), MeshMaterial3d(material.clone())));
+        let ball = world
+            .spawn((
+                Mesh3d(ball_mesh),
+                MeshMaterial3d(material),
+                Transform::from_xyz(-1.0, 1.2, 0.0),
+                VisibilityField3d(field),
+            ))
+            .id();
+        let sun = world
+            .spawn((
+                DirectionalLight { illuminance: 3000.0, ..default() },
+                Transform::default().looking_to(Vec3::new(-0.8, -1.0, 0.0), Vec3::Y),
+                FieldShadows { angular_radius: 0.05 },
+            ))
+            .id();
+        let look = Transform::from_xyz(0.0, 3.0, 8.0).looking_at(Vec3::new(0.0, 0.8, 0.0), Vec3::Y);
+        let camera = world.spawn((Camera3d::default(), Msaa::Off, look, FieldOcclusion::default(), target)).id();
+        if shading == Shading::Deferred {
+            world.entity_mut(camera).insert(DeferredPrepass);
+        }
+        headless.wait_until_ready();
+        Self { headless, ball, sun, camera }
+    }
+
+    fn entity(&mut self, entity: Entity) -> EntityWorldMut<'_> {
+        self.headless.app.world_mut().entity_mut(entity)
+    }
+
+    fn picture(&mut self) -> RgbaImage {
+        // Pipelines for a changed view are compiled when it is first drawn.
+        self.headless.wait_until_ready();
+        self.headless.capture()
+    }
+
+    /// The pixel where a point of the world is seen.
+    fn pixel_of(&mut self, point: Vec3) -> (u32, u32) {
+        let world = self.headless.app.world();
+        let camera = world.entity(self.camera);
+        let (camera, transform) = (camera.get::<Camera>().unwrap(), camera.get::<GlobalTransform>().unwrap());
+        let at = camera.world_to_viewport(transform, point).expect("the point is in view");
+        (at.x as u32, at.y as u32)
+    }
+}
+
+/// The field of a unit ball, as `Sphere::new(1.0)`: in field space its radius is a little under 1.
+fn ball_field() -> visfield::VisibilityField {
+    let inner = 0.98;
+    let closed_form = visfield::field::ball_field(inner, 65, 32);
+    let mut header = closed_form.header().clone();
+    header.bounds.radius = 1.0 / inner;
+    visfield::VisibilityField::new(header, closed_form.table().to_vec()).expect("only the scale changed")
+}
+
+fn brightness(picture: &RgbaImage, (x, y): (u32, u32)) -> i32 {
+    picture.get_pixel(x, y).0[..3].iter().map(|&channel| i32::from(channel)).sum::<i32>() / 3
+}
+
+/// The largest difference of any channel of any pixel, in steps of 1/255.
+fn largest_difference(a: &RgbaImage, b: &RgbaImage) -> u8 {
+    assert_eq!(a.dimensions(), b.dimensions());
+    a.as_raw().iter().zip(b.as_raw()).map(|(a, b)| a.abs_diff(*b)).max().unwrap()
+}
+
+/// Below the ball, in its ambient occlusion but out of the sun's shadow; in the shadow; far from both; in the sky.
+const BESIDE: Vec3 = Vec3::new(-0.7, 0.0, 1.1);
+const SHADOW: Vec3 = Vec3::new(-1.96, 0.0, 0.0);
+const OPEN: Vec3 = Vec3::new(3.2, 0.0, 2.0);
+const SKY: (u32, u32) = (80, 3);
+
+fn what_must_darken_darkens(shading: Shading) {
+    if !adapter::available() {
+        return;
+    }
+    let mut stage = Stage::new(shading);
+    let on = stage.picture();
+    let (camera, sun) = (stage.camera, stage.sun);
+
+    stage.entity(sun).remove::<FieldShadows>();
+    let only_ambient = stage.picture();
+    stage.entity(camera).remove::<FieldOcclusion>();
+    let off = stage.picture();
+    stage.entity(camera).insert(FieldOcclusion { ambient_occlusion: false, ..default() });
+    stage.entity(sun).insert(FieldShadows { angular_radius: 0.05 });
+    let only_shadow = stage.picture();
+
+    let [beside, shadow, open] = [BESIDE, SHADOW, OPEN].map(|point| stage.pixel_of(point));
+    let at = |pixel| [&off, &only_ambient, &only_shadow, &on].map(|picture| brightness(picture, pixel));
+    println!(
+        "{shading:?}: off, ambient, shadow, on: beside {:?}, shadow {:?}, open {:?}",
+        at(beside),
+        at(shadow),
+        at(open)
+    );
+    let [off_at, ambient_at, shadow_at, on_at] = at(beside);
+    assert!(ambient_at < off_at - 4, "ambient occlusion beside the ball");
+    assert!((shadow_at - off_at).abs() <= 1, "no shadow there");
+    assert!((on_at - ambient_at).abs() <= 1);
+    let [off_at, ambient_at, shadow_at, on_at] = at(shadow);
+    assert!(shadow_at < off_at - 20, "the sun's shadow");
+    assert!(ambient_at < off_at - 4 && on_at < shadow_at, "and ambient occlusion in it");
+    let open_at = at(open);
+    assert!(open_at.iter().all(|&value| (value - open_at[0]).abs() <= 3), "hardly anything far away: {open_at:?}");
+    for picture in [&only_ambient, &only_shadow, &on] {
+        assert_eq!(picture.get_pixel(SKY.0, SKY.1), off.get_pixel(SKY.0, SKY.1), "the background stays");
+    }
+}
+
+#[test]
+fn what_must_darken_darkens_forward() {
+    what_must_darken_darkens(Shading::Forward);
+}
+
+#[test]
+fn what_must_darken_darkens_deferred() {
+    what_must_darken_darkens(Shading::Deferred);
+}
+
+#[test]
+fn the_shadow_follows_the_object() {
+    if !adapter::available() {
+        return;
+    }
+    let mut stage = Stage::new(Shading::Forward);
+    let old_place = stage.pixel_of(SHADOW);
+    let moved = Vec3::new(1.5, 0.0, 0.0);
+    let new_place = stage.pixel_of(SHADOW + moved);
+    let before = stage.picture();
+    let uploads =
+        |stage: &Stage| stage.headless.app.sub_app(RenderApp).world().resource::<FieldResidency>().statistics();
+    let uploaded = uploads(&stage);
+    let ball = stage.ball;
+    stage.entity(ball).get_mut::<Transform>().unwrap().translation += moved;
+    let after = stage.picture();
+    assert!(brightness(&after, old_place) > brightness(&before, old_place) + 20, "light where it was");
+    assert!(brightness(&after, new_place) < brightness(&before, new_place) - 20, "dark where it is");
+    assert_eq!(uploads(&stage), uploaded, "moving uploads no field");
+    assert_eq!(largest_difference(&after, &stage.picture()), 0, "a still scene gives the same frame");
+}
+
+#[test]
+fn without_occluders_the_image_is_bevys_own() {
+    if !adapter::available() {
+        return;
+    }
+    for shading in [Shading::Forward, Shading::Deferred] {
+        let mut stage = Stage::new(shading);
+        let (ball, camera) = (stage.ball, stage.camera);
+        let with_occluder = stage.picture();
+        stage.entity(ball).insert(NotFieldOccluder);
+        let with_plugin = stage.picture();
+        stage.entity(camera).remove::<FieldOcclusion>();
+        let bevys_own = stage.picture();
+        assert!(largest_difference(&with_occluder, &bevys_own) > 30, "the plugin does something");
+        let difference = largest_difference(&with_plugin, &bevys_own);
+        assert!(difference <= 1, "{shading:?}: {difference}/255 apart without occluders");
+
+        // Back and forth at run time: nothing of the camera's state sticks.
+        stage.entity(camera).insert(FieldOcclusion::default());
+        stage.entity(ball).remove::<NotFieldOccluder>();
+        assert_eq!(largest_difference(&stage.picture(), &with_occluder), 0);
+    }
+}
+
+#[test]
+fn one_field_is_uploaded_once_for_all_its_instances() {
+    if !adapter::available() {
+        return;
+    }
+    let mut stage = Stage::new(Shading::Forward);
+    let ball = stage.ball;
+    let field = stage.entity(ball).get::<VisibilityField3d>().cloned().unwrap();
+    for i in 0..30 {
+        let place = Transform::from_xyz(i as f32 * 0.3 - 4.0, 0.3, -2.0).with_scale(Vec3::splat(0.2));
+        stage.headless.app.world_mut().spawn((field.clone(), place));
+    }
+    let with_many = stage.picture();
+    let statistics =
+        |stage: &Stage| stage.headless.app.sub_app(RenderApp).world().resource::<FieldResidency>().statistics();
+    let table = 65 * 65 * 32 * 32;
+    let found = statistics(&stage);
+    assert_eq!((found.uploads, found.uploaded_bytes, found.resident_bytes), (1, table, table));
+
+    // When the last user goes, so does the table.
+    let world = stage.headless.app.world_mut();
+    let users: Vec<Entity> = world.query_filtered::<Entity, With<VisibilityField3d>>().iter(world).collect();
+    for user in users {
+        world.despawn(user);
+    }
+    drop(field);
+    let empty = stage.picture();
+    assert_eq!(statistics(&stage).resident_bytes, 0, "the table is freed");
+    assert!(largest_difference(&with_many, &empty) > 30);
+}
+
+#[test]
+fn the_debug_view_shows_the_occlusion() {
+    if !adapter::available() {
+        return;
+    }
+    let mut stage = Stage::new(Shading::Forward);
+    let [beside, shadow] = [BESIDE, SHADOW].map(|point| stage.pixel_of(point));
+    let camera = stage.camera;
+    stage.entity(camera).insert(FieldDebugView::Light0);
+    let sun = stage.picture();
+    assert!(brightness(&sun, shadow) < 10 && brightness(&sun, SKY) > 250 && brightness(&sun, beside) > 250);
+    stage.entity(camera).insert(FieldDebugView::AmbientVisibility);
+    let ambient = stage.picture();
+    assert!((60..245).contains(&brightness(&ambient, beside)) && brightness(&ambient, SKY) > 250);
+    stage.entity(camera).remove::<FieldDebugView>();
+    assert_ne!(stage.picture().get_pixel(SKY.0, SKY.1), ambient.get_pixel(SKY.0, SKY.1));
+}
+
+#[test]
+fn a_viewport_shows_what_a_picture_of_its_own_would() {
+    if !adapter::available() {
+        return;
+    }
+    // The right half of the target, and a target as large as that half.
+    let half = UVec2::new(SIZE.x / 2, SIZE.y);
+    let mut whole = Stage::with_size(Shading::Forward, half);
+    let own_picture = whole.picture();
+    let mut part = Stage::new(Shading::Forward);
+    let camera = part.camera;
+    part.entity(camera).get_mut::<Camera>().unwrap().viewport =
+        Some(Viewport { physical_position: UVec2::new(half.x, 0), physical_size: half, ..default() });
+    let picture = part.picture();
+    let in_viewport = image::imageops::crop_imm(&picture, half.x, 0, half.x, half.y).to_image();
+    assert!(largest_difference(&in_viewport, &own_picture) <= 1);
+}

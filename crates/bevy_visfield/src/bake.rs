@@ -2,6 +2,7 @@
 //! editors, prototypes and generated meshes.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -78,21 +79,22 @@ fn bake_in_background(
     let mut finished: HashMap<BakeKey, Handle<VisibilityField>> = HashMap::new();
     for (entity, mesh, request, mut progress) in &mut waiting {
         let key = (mesh.id(), request.settings.entries, request.settings.exits);
-        if let Some(Bake::Finished(id)) = bakes.0.get(&key)
-            && !finished.contains_key(&key)
-        {
-            match fields.get_strong_handle(*id) {
-                Some(handle) => drop(finished.insert(key, handle)),
+        if let Some(Bake::Finished(id)) = bakes.0.get(&key) {
+            if let Some(handle) = fields.get_strong_handle(*id) {
+                finished.entry(key).or_insert(handle);
+            } else {
                 // All its users are gone, and the field with them.
-                None => drop(bakes.0.remove(&key)),
+                bakes.0.remove(&key);
             }
         }
-        if !bakes.0.contains_key(&key) {
-            // Not loaded yet: ask again next frame.
-            let Some(mesh) = meshes.get(mesh.id()) else { continue };
-            bakes.0.insert(key, start(mesh, mesh_name(key.0), request.settings));
-        }
-        let bake = bakes.0.get_mut(&key).expect("it was started above");
+        let bake = match bakes.0.entry(key) {
+            Entry::Occupied(bake) => bake.into_mut(),
+            Entry::Vacant(place) => {
+                // Not loaded yet: ask again next frame.
+                let Some(mesh) = meshes.get(key.0) else { continue };
+                place.insert(start(mesh, key.0.to_string(), request.settings))
+            }
+        };
         if let Bake::Running { task, rays_done } = bake {
             progress.0 = rays_done.load(Ordering::Relaxed) as f32 / request.settings.rays().max(1) as f32;
             match check_ready(task) {
@@ -126,10 +128,6 @@ fn start(mesh: &Mesh, name: String, settings: BakeSettings) -> Bake {
         })
     });
     Bake::Running { task, rays_done }
-}
-
-fn mesh_name(id: AssetId<Mesh>) -> String {
-    id.to_string()
 }
 
 /// The positions and triangles of a Bevy mesh; a mesh of another kind becomes one without triangles, which the bake refuses

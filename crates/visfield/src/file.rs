@@ -141,7 +141,9 @@ pub fn encode(fields: &[VisibilityField]) -> Vec<u8> {
     let index = serde_json::to_vec(&index).expect("headers are plain data");
 
     let mut content = index.clone();
-    tables.iter().for_each(|table| content.extend_from_slice(table));
+    for table in &tables {
+        content.extend_from_slice(table);
+    }
     let mut file = Vec::with_capacity(PREAMBLE_BYTES + content.len());
     file.extend_from_slice(&MAGIC);
     file.extend_from_slice(&VERSION.to_le_bytes());

@@ -97,7 +97,8 @@ impl Placement {
         let stretch = largest_stretch(relative.matrix3);
         // Relative to the stretch, so that tiny objects are not taken for flat ones.
         let flatness = relative.matrix3.determinant().abs() / stretch.powi(3);
-        if !(flatness > SINGULAR) {
+        // NaN is neither above nor below.
+        if flatness.is_nan() || flatness <= SINGULAR {
             return None;
         }
         let placement = Self {
@@ -114,7 +115,8 @@ impl Placement {
 /// Relative volume below which a transform counts as singular: an object squeezed 1 : 10⁻⁹.
 const SINGULAR: f64 = 1.0e-18;
 
-/// An upper bound of how much a linear map lengthens any vector: the square root of the largest absolute row sum of MᵀM,
+/// An upper bound of how much a linear map lengthens any vector: the square root of the largest absolute row sum of the Gram
+/// matrix `MᵀM`,
 /// which bounds its largest eigenvalue. Exact for rotations with uniform scale.
 fn largest_stretch(m: DMat3) -> f64 {
     let gram = m.transpose() * m;

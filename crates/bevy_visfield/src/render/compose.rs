@@ -40,12 +40,13 @@ pub(super) fn mask_direct_light(mut events: MessageReader<AssetEvent<Shader>>, m
         if shader.import_path != ShaderImport::Custom(LIGHTING_MODULE.to_owned()) {
             continue;
         }
-        match masked_source(shader.source.as_str()) {
-            Some(source) => shader.source = Source::Wgsl(source.into()),
-            None => error!(
+        if let Some(source) = masked_source(shader.source.as_str()) {
+            shader.source = Source::Wgsl(source.into());
+        } else {
+            error!(
                 "{LIGHTING_MODULE} is not the one of Bevy 0.19: lights will have no field shadows. Use the Bevy version \
                  that this version of bevy_visfield was made for."
-            ),
+            );
         }
     }
 }

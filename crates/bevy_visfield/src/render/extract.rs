@@ -7,6 +7,7 @@ use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::extract_component::ExtractComponent;
 use bevy::render::sync_component::SyncComponent;
+use bevy::render::sync_world::RenderEntity;
 
 use super::prepare::FieldOcclusionFrame;
 use crate::asset::VisibilityField;
@@ -38,22 +39,26 @@ impl SyncComponent for FieldOcclusion {
     );
 }
 
-impl ExtractComponent for FieldOcclusion {
-    type QueryData = (&'static Self, &'static Camera, &'static Msaa);
-    type QueryFilter = With<Camera3d>;
-    // Bevy's component makes its pipelines and bind groups expect an occlusion texture. It is set in the render world only,
-    // so that the user's world keeps just what the user put there.
-    type Out = (Self, ScreenSpaceAmbientOcclusion);
-
-    fn extract_component((settings, camera, msaa): QueryItem<'_, '_, Self::QueryData>) -> Option<Self::Out> {
+/// Copies the settings of cameras that can show field occlusion, and clears those that no longer can.
+pub(super) fn extract_cameras(
+    mut commands: Commands,
+    cameras: Extract<Query<(RenderEntity, &Camera, &Msaa, &FieldOcclusion), With<Camera3d>>>,
+) {
+    for (entity, camera, msaa, settings) in &cameras {
+        let mut view = commands.entity(entity);
         if *msaa != Msaa::Off {
             warn_once!(
                 "FieldOcclusion needs Msaa::Off, but its camera has Msaa::{msaa:?}: that camera shows no field occlusion. \
                  Insert Msaa::Off (and an anti-aliasing that works after shading, such as TAA, SMAA or FXAA)."
             );
-            return None;
         }
-        camera.is_active.then(|| (*settings, ScreenSpaceAmbientOcclusion::default()))
+        if camera.is_active && *msaa == Msaa::Off {
+            // Bevy's component makes its pipelines and bind groups expect an occlusion texture. It is set in the render
+            // world only, so that the user's world keeps just what the user put there.
+            view.insert((*settings, ScreenSpaceAmbientOcclusion::default()));
+        } else {
+            view.remove::<<FieldOcclusion as SyncComponent>::Target>();
+        }
     }
 }
 

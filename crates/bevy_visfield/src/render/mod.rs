@@ -13,6 +13,7 @@ use bevy::prelude::*;
 use bevy::render::extract_component::ExtractComponentPlugin;
 use bevy::render::render_asset::RenderAssetPlugin;
 use bevy::render::renderer::RenderDevice;
+use bevy::render::sync_component::SyncComponentPlugin;
 use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderSystems};
 use visfield::gpu::OcclusionPasses;
 
@@ -34,7 +35,7 @@ pub use residency::FieldResidency;
 /// ```
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FieldOcclusionSystems {
-    /// In `ExtractSchedule`: occluders and their transforms are copied.
+    /// In `ExtractSchedule`: cameras, occluders and their transforms are copied.
     Extract,
     /// In `Render`, within `RenderSystems::PrepareResources`: each camera's frame is put together.
     Prepare,
@@ -47,7 +48,7 @@ pub enum FieldOcclusionSystems {
 pub(crate) fn plugin(app: &mut App) {
     app.add_plugins((
         RenderAssetPlugin::<ResidentField>::default(),
-        ExtractComponentPlugin::<FieldOcclusion>::default(),
+        SyncComponentPlugin::<FieldOcclusion>::default(),
         ExtractComponentPlugin::<FieldShadows>::default(),
     ))
     // After the asset events of the frame and before extraction, so that no pipeline is built from the unpatched shader.
@@ -68,7 +69,10 @@ pub(crate) fn finish(app: &mut App) {
     render_app
         .init_resource::<extract::ExtractedOccluders>()
         .init_gpu_resource::<OcclusionViews>()
-        .add_systems(ExtractSchedule, extract::extract_occluders.in_set(FieldOcclusionSystems::Extract))
+        .add_systems(
+            ExtractSchedule,
+            (extract::extract_cameras, extract::extract_occluders).in_set(FieldOcclusionSystems::Extract),
+        )
         .configure_sets(
             Render,
             (

@@ -90,8 +90,8 @@ impl FrameLight {
     /// The light towards `to_light` (a unit vector) that fills mask `channel`. The angular radius is in radians and is
     /// clamped to 0…[`Self::MAX_ANGULAR_RADIUS`].
     pub fn new(channel: usize, to_light: Vec3, angular_radius: f32) -> Self {
-        // `max` first: it turns NaN into 0.
-        let angular_radius = angular_radius.max(0.0).min(Self::MAX_ANGULAR_RADIUS);
+        let angular_radius =
+            if angular_radius.is_nan() { 0.0 } else { angular_radius.clamp(0.0, Self::MAX_ANGULAR_RADIUS) };
         Self { channel, disc: DiscBasis::new(to_light, angular_radius), angular_radius }
     }
 }

@@ -110,12 +110,11 @@ impl FieldPool {
     ) -> Result<FieldSlot, PoolError> {
         let table = field.table();
         let words = (table.len() as u64).div_ceil(4);
-        let range = match self.words.allocate_range(words) {
-            Ok(range) => range,
-            Err(_) => {
-                self.grow(device, queue, words)?;
-                self.words.allocate_range(words).map_err(|_| self.full(words))?
-            }
+        let range = if let Ok(range) = self.words.allocate_range(words) {
+            range
+        } else {
+            self.grow(device, queue, words)?;
+            self.words.allocate_range(words).map_err(|_| self.full(words))?
         };
         // Writes come in whole words; the buffer's slack after the table is never read.
         let whole = table.len() & !3;
