@@ -95,7 +95,7 @@ impl FieldOcclusion {
             ambient_rays: if self.ambient_occlusion { rays.ambient } else { 0 },
             shadow_rays: rays.shadow,
             max_distance: self.max_distance,
-            bias: Bias { constant: bias.constant * scale, slope: bias.slope * scale },
+            bias: Bias { height: bias.height * scale, along: bias.along * scale },
         }
         .clamped()
     }
@@ -217,7 +217,7 @@ mod tests {
                 assert!((1..=MAX_RAYS).contains(&trace.ambient_rays));
                 assert!((1..=MAX_RAYS).contains(&trace.shadow_rays));
                 assert!(trace.max_distance >= 0.0);
-                assert!(trace.bias.constant >= 0.0 && trace.bias.slope.is_finite());
+                assert!(trace.bias.height >= 0.0 && trace.bias.along.is_finite());
             }
         }
     }

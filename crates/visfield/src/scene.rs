@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::{Affine3A, DAffine3, DMat3, DVec3};
+use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3, vec3};
 
 use crate::field::{BoundingSphere, VisibilityField};
 
@@ -83,7 +83,7 @@ pub struct Placement {
     /// From world positions relative to the scene's chosen origin to field space.
     pub field_from_world: Affine3A,
     /// Centre of a bounding sphere, relative to the chosen origin.
-    pub center: glam::Vec3,
+    pub center: Vec3,
     /// Radius of that sphere, in world units.
     pub radius: f32,
 }
@@ -112,6 +112,26 @@ impl Placement {
     }
 }
 
+impl Placement {
+    /// The unit normal in field space of a surface with this normal in the world: by the cofactors of the linear map, which
+    /// are its inverse transpose up to a factor.
+    ///
+    /// ```
+    /// use glam::{DAffine3, DVec3, Vec3, dvec3};
+    /// use visfield::{BoundingSphere, scene::Placement};
+    /// let bounds = BoundingSphere { center: [0.0; 3], radius: 1.0 };
+    /// let mirrored = Placement::new(&bounds, DAffine3::from_scale(dvec3(1.0, -2.0, 5.0)), DVec3::ZERO).unwrap();
+    /// assert_eq!(mirrored.field_normal(Vec3::Y), -Vec3::Y);
+    /// ```
+    pub fn field_normal(&self, normal: Vec3) -> Vec3 {
+        let linear = self.field_from_world.matrix3;
+        let [x, y, z] = [0, 1, 2].map(|i| Vec3::from(linear.row(i)));
+        let cofactors = vec3(y.cross(z).dot(normal), z.cross(x).dot(normal), x.cross(y).dot(normal));
+        let orientation = if x.dot(y.cross(z)) < 0.0 { -1.0 } else { 1.0 };
+        cofactors.normalize_or_zero() * orientation
+    }
+}
+
 /// Relative volume below which a transform counts as singular: an object squeezed 1 : 10⁻⁹.
 const SINGULAR: f64 = 1.0e-18;
 
@@ -127,7 +147,7 @@ fn largest_stretch(m: DMat3) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{DQuat, EulerRot, Vec3, dvec3};
+    use glam::{DQuat, EulerRot, dvec3};
 
     const UNIT: BoundingSphere = BoundingSphere { center: [0.0; 3], radius: 1.0 };
 

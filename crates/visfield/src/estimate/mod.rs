@@ -125,11 +125,10 @@ fn occluded(
     t_max: f32,
     bias: Bias,
 ) -> bool {
-    let cosine = normal.dot(direction);
     placements.iter().any(|(placement, field)| {
         let origin = Vec3::from(placement.field_from_world.translation);
         let along = placement.field_from_world.transform_vector3(direction);
-        field.occluded(origin, along, t_max, cosine, bias)
+        field.occluded(origin, along, t_max, placement.field_normal(normal), bias)
     })
 }
 

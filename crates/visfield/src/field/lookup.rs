@@ -75,6 +75,15 @@ pub fn table_index(shape: TableShape, entry: u32, exit: u32) -> u32 {
     entry * (shape.exits * shape.exits) + exit
 }
 
+/// The point at a fraction of the chord that a table position stands for, from cell centre to cell centre.
+#[inline]
+pub fn point_on_chord(shape: TableShape, index: u32, fraction: f32) -> Vec3 {
+    let exit_cells = shape.exits * shape.exits;
+    let start = octahedral_direction(index / exit_cells, shape.entries);
+    let end = octahedral_direction(index % exit_cells, shape.exits);
+    start + (end - start) * fraction
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

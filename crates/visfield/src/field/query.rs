@@ -3,56 +3,65 @@
 use glam::Vec3;
 
 use super::chord::{Chord, chord};
-use super::lookup::{Lookup, forward_lookup, reversed_lookup};
+use super::lookup::{Lookup, forward_lookup, point_on_chord, reversed_lookup};
 use super::octahedral::cell_width;
 use super::{VisibilityField, decode_u8};
 
-/// How near to its origin a ray's hits do not count.
+/// How near to the surface that a ray leaves hits do not count.
 ///
 /// A reversed lookup recovers the surface under the origin only to within the table's own resolution, so without a bias
-/// surfaces shadow themselves. The bias is made of what the resolution is made of, never of an absolute length: half a
-/// quantum of the chord, plus the sideways spread of the exit cell at the origin times the slope at which the ray leaves
-/// its surface (as shadow maps scale theirs).
+/// surfaces shadow themselves. But where the *stored* chord ends is known exactly, and so is its distance from the tangent
+/// plane at the origin: a surface that is flat over the width of a cell never rises above its own plane, at whatever angle
+/// the ray leaves it (for shadow maps: Isidoro, *Shadow Mapping: GPU-based Tips and Techniques*, 2006, receiver plane depth
+/// bias). What is left for the bias to cover is curvature and quantisation. It is made of what the resolution is made of,
+/// never of an absolute length.
 ///
 /// ```
 /// let bias = visfield::field::query::Bias::default();
-/// // A ray along the normal needs less than a grazing one.
-/// assert!(bias.distance(32, 1.0, 2.0, 1.0) < bias.distance(32, 1.0, 2.0, 0.2));
+/// // Near the far end of a long chord the exit cell spreads wider than near its start.
+/// assert!(bias.height(32, 1.8, 2.0) > bias.height(32, 0.2, 2.0));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bias {
-    /// Exit-cell spreads that are skipped for a ray along the surface normal. Covers curvature below the grid.
-    pub constant: f32,
-    /// Exit-cell spreads that are skipped per unit of slope (tangent of the angle to the normal).
-    pub slope: f32,
+    /// Height above the tangent plane in spreads of the exit cell: covers curvature below the grid.
+    pub height: f32,
+    /// Distance along the ray in spreads of the exit cell.
+    pub along: f32,
 }
 
 impl Bias {
-    /// No bias: for rays that do not start on the occluder.
-    pub const NONE: Self = Self { constant: 0.0, slope: 0.0 };
-    /// Slopes above this do not increase the bias further.
-    pub const MAX_SLOPE: f32 = 4.0;
+    /// No more than quantisation: for rays that do not start on the occluder.
+    pub const NONE: Self = Self { height: 0.0, along: 0.0 };
 
-    /// The bias in field-space length for an origin that lies `before` along a stored chord of `length`; `cosine` is
-    /// between the ray and the surface normal.
+    /// The least height above the tangent plane, in field-space length, for an origin that lies `before` along a stored
+    /// chord of `length`.
     #[inline]
-    pub fn distance(&self, exits: u32, before: f32, length: f32, cosine: f32) -> f32 {
-        let c = cosine.clamp(0.05, 1.0);
-        let slope = ((1.0 - c * c).sqrt() / c).min(Self::MAX_SLOPE);
-        let spread = cell_width(exits) * before / length.max(f32::MIN_POSITIVE);
-        length * HALF_QUANTUM + spread * (self.constant + self.slope * slope)
+    pub fn height(&self, exits: u32, before: f32, length: f32) -> f32 {
+        length * HALF_QUANTUM + exit_spread(exits, before, length) * self.height
+    }
+
+    /// The least distance along the ray, likewise.
+    #[inline]
+    pub fn along(&self, exits: u32, before: f32, length: f32) -> f32 {
+        length * HALF_QUANTUM + exit_spread(exits, before, length) * self.along
     }
 }
 
 impl Default for Bias {
     /// The least mean error of own-surface ambient occlusion over nine meshes, from smooth to thin-walled.
     fn default() -> Self {
-        Self { constant: 0.5, slope: 0.5 }
+        Self { height: 0.15, along: 0.25 }
     }
 }
 
 /// Half a step of the chord fraction.
 const HALF_QUANTUM: f32 = 0.5 / 254.0;
+
+/// How wide the chords of one exit cell spread, where they have come `before` of their `length`.
+#[inline]
+fn exit_spread(exits: u32, before: f32, length: f32) -> f32 {
+    cell_width(exits) * before / length.max(f32::MIN_POSITIVE)
+}
 
 impl VisibilityField {
     /// Where the line `origin + t·direction` first meets the mesh after entering the bounding sphere, as the ray parameter
@@ -79,17 +88,17 @@ impl VisibilityField {
 
     /// Whether anything lies between the origin and `t_max` along the ray.
     ///
-    /// `cosine` is between the ray and the normal of the surface it leaves (1 if it leaves none); `t_max` may be infinite.
-    /// An origin outside the sphere asks forwards. An origin inside asks backwards, from the far side: the ray is occluded
-    /// iff the last hit lies beyond the bias; forward lookups there are blocked by whatever is nearer and only decide
-    /// whether a *segment* ends before its first hit.
+    /// `normal` is the unit normal, in field space, of the surface that the ray leaves, or zero if it leaves none; `t_max`
+    /// may be infinite. An origin outside the sphere asks forwards. An origin inside asks backwards, from the far side: the
+    /// ray is occluded iff the last hit lies beyond the bias; forward lookups there are blocked by whatever is nearer and
+    /// only decide whether a *segment* ends before its first hit.
     ///
     /// ```
-    /// use glam::vec3;
+    /// use glam::{Vec3, vec3};
     /// use visfield::field::query::Bias;
     /// # let field = visfield::field::example_field();
     /// let occluded = |x: f32, t_max: f32| {
-    ///     field.occluded(vec3(x, 0.0, 0.0), vec3(1.0, 0.0, 0.0), t_max, 1.0, Bias::default())
+    ///     field.occluded(vec3(x, 0.0, 0.0), vec3(1.0, 0.0, 0.0), t_max, Vec3::ZERO, Bias::default())
     /// };
     /// assert!(occluded(-3.0, f32::INFINITY)); // outside, the ball ahead
     /// assert!(!occluded(-3.0, 2.0)); // too short to reach it
@@ -97,7 +106,7 @@ impl VisibilityField {
     /// assert!(!occluded(0.8, f32::INFINITY)); // and behind
     /// ```
     #[inline]
-    pub fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, cosine: f32, bias: Bias) -> bool {
+    pub fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, normal: Vec3, bias: Bias) -> bool {
         let Some(c) = chord(origin, direction) else { return false };
         if c.t_exit() <= 0.0 || c.t_entry() >= t_max {
             return false;
@@ -107,10 +116,15 @@ impl VisibilityField {
         }
         let lookup = reversed_lookup(self.shape(), origin, direction, &c);
         let Some(fraction) = self.fraction(&lookup) else { return false };
+        let exits = self.shape().exits;
         let scale = 1.0 / direction.length();
         let t_last = (lookup.before - fraction * lookup.length) * scale;
-        let t_bias = bias.distance(self.shape().exits, lookup.before, lookup.length, cosine) * scale;
+        let t_bias = bias.along(exits, lookup.before, lookup.length) * scale;
         if t_last <= t_bias {
+            return false;
+        }
+        let height = (point_on_chord(self.shape(), lookup.index, fraction) - origin).dot(normal);
+        if normal != Vec3::ZERO && height <= bias.height(exits, lookup.before, lookup.length) {
             return false;
         }
         t_last < t_max || self.first_hit_on_chord(direction, &c).is_some_and(|t| t > t_bias && t < t_max)

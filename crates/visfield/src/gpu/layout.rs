@@ -111,10 +111,10 @@ pub struct FrameUniform {
     pub light_count: u32,
     /// Ambient occlusion ignores hits beyond this distance, in world units; finite.
     pub max_distance: f32,
-    /// [`Bias::constant`](crate::field::query::Bias::constant)
-    pub bias_constant: f32,
-    /// [`Bias::slope`](crate::field::query::Bias::slope)
-    pub bias_slope: f32,
+    /// [`Bias::height`](crate::field::query::Bias::height)
+    pub bias_height: f32,
+    /// [`Bias::along`](crate::field::query::Bias::along)
+    pub bias_along: f32,
     /// Aligns the lights.
     pub padding: u32,
     /// The lights, the first `light_count` of them in use.
@@ -143,8 +143,8 @@ impl FrameUniform {
             light_count: lights.len().min(MAX_LIGHTS) as u32,
             // WGSL has no portable infinity; this is its NO_HIT.
             max_distance: settings.max_distance.min(3.0e38),
-            bias_constant: settings.bias.constant,
-            bias_slope: settings.bias.slope,
+            bias_height: settings.bias.height,
+            bias_along: settings.bias.along,
             padding: 0,
             lights: data,
         }

@@ -10,7 +10,6 @@ const FRACTION_QUANTUM: f32 = 1.0 / 254.0;
 const NO_HIT: f32 = 3.0e38;
 const GRAZING: f32 = 1.0e-3;
 const HALF_QUANTUM: f32 = 0.5 / 254.0;
-const MAX_SLOPE: f32 = 4.0;
 // √4π
 const SQRT_SPHERE: f32 = 3.5449077;
 
@@ -36,8 +35,8 @@ struct Lookup {
 }
 
 struct Bias {
-    constant: f32,
-    slope: f32,
+    height: f32,
+    along: f32,
 }
 
 fn fold(uv: vec2<f32>) -> vec2<f32> {
@@ -112,11 +111,23 @@ fn code(shape: TableShape, index: u32) -> u32 {
     return (tables[byte >> 2u] >> ((byte & 3u) * 8u)) & 0xffu;
 }
 
-fn bias_distance(bias: Bias, exits: u32, before: f32, length: f32, cosine: f32) -> f32 {
-    let c = clamp(cosine, 0.05, 1.0);
-    let slope = min(sqrt(1.0 - c * c) / c, MAX_SLOPE);
-    let spread = cell_width(exits) * before / max(length, 1.1754944e-38);
-    return length * HALF_QUANTUM + spread * (bias.constant + bias.slope * slope);
+fn point_on_chord(shape: TableShape, index: u32, fraction: f32) -> vec3<f32> {
+    let exit_cells = shape.exits * shape.exits;
+    let start = octahedral_direction(index / exit_cells, shape.entries);
+    let end = octahedral_direction(index % exit_cells, shape.exits);
+    return start + (end - start) * fraction;
+}
+
+fn exit_spread(exits: u32, before: f32, length: f32) -> f32 {
+    return cell_width(exits) * before / max(length, 1.1754944e-38);
+}
+
+fn bias_height(bias: Bias, exits: u32, before: f32, length: f32) -> f32 {
+    return length * HALF_QUANTUM + exit_spread(exits, before, length) * bias.height;
+}
+
+fn bias_along(bias: Bias, exits: u32, before: f32, length: f32) -> f32 {
+    return length * HALF_QUANTUM + exit_spread(exits, before, length) * bias.along;
 }
 
 fn first_hit_on_chord(shape: TableShape, direction: vec3<f32>, c: Chord) -> f32 {
@@ -134,7 +145,7 @@ fn occluded(
     origin: vec3<f32>,
     direction: vec3<f32>,
     t_max: f32,
-    cosine: f32,
+    normal: vec3<f32>,
     bias: Bias,
 ) -> bool {
     let c = chord(origin, direction);
@@ -150,10 +161,15 @@ fn occluded(
     if code == NO_HIT_CODE {
         return false;
     }
+    let fraction = f32(code) * FRACTION_QUANTUM;
     let scale = 1.0 / length(direction);
-    let t_last = (lookup.before - f32(code) * FRACTION_QUANTUM * lookup.length) * scale;
-    let t_bias = bias_distance(bias, shape.exits, lookup.before, lookup.length, cosine) * scale;
+    let t_last = (lookup.before - fraction * lookup.length) * scale;
+    let t_bias = bias_along(bias, shape.exits, lookup.before, lookup.length) * scale;
     if t_last <= t_bias {
+        return false;
+    }
+    let height = dot(point_on_chord(shape, lookup.index, fraction) - origin, normal);
+    if any(normal != vec3<f32>(0.0)) && height <= bias_height(bias, shape.exits, lookup.before, lookup.length) {
         return false;
     }
     if t_last < t_max {

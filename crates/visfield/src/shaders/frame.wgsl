@@ -14,8 +14,8 @@ struct Frame {
     shadow_rays: u32,
     light_count: u32,
     max_distance: f32,
-    bias_constant: f32,
-    bias_slope: f32,
+    bias_height: f32,
+    bias_along: f32,
     padding: u32,
     lights: array<Light, MAX_LIGHTS>,
 }

@@ -54,7 +54,22 @@ fn to_field(instance: Instance, v: vec4<f32>) -> vec3<f32> {
     return vec3<f32>(dot(rows[0], v), dot(rows[1], v), dot(rows[2], v));
 }
 
-// Whether a sphere can block any ray of the receiver's hemisphere within reach.
+// The normal in field space of a surface with this normal in the world: by the cofactors of the linear map, which are its
+// inverse transpose up to a factor.
+fn field_normal(instance: Instance, normal: vec3<f32>) -> vec3<f32> {
+    let x = instance.field_from_world[0].xyz;
+    let y = instance.field_from_world[1].xyz;
+    let z = instance.field_from_world[2].xyz;
+    let cofactors = vec3<f32>(dot(cross(y, z), normal), dot(cross(z, x), normal), dot(cross(x, y), normal));
+    let orientation = select(1.0, -1.0, dot(x, cross(y, z)) < 0.0);
+    let squared = dot(cofactors, cofactors);
+    if squared > 0.0 {
+        return cofactors / sqrt(squared) * orientation;
+    }
+    return vec3<f32>(0.0);
+}
+
+// Whether a sphere can block any ray of the receiver's hemisphere.
 fn above_surface(to_center: vec3<f32>, radius: f32, normal: vec3<f32>) -> bool {
     return dot(to_center, normal) > -radius;
 }
@@ -82,7 +97,7 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let ambient_stride = residues(AMBIENT_INTERLEAVE_BITS);
     let light_stride = residues(LIGHT_INTERLEAVE_BITS);
     let first_disc_sample = frame.ambient_rays * ambient_stride;
-    let bias = Bias(frame.bias_constant, frame.bias_slope);
+    let bias = Bias(frame.bias_height, frame.bias_along);
     // One bit per ray, set once something blocks it.
     var ambient_blocked = 0u;
     var light_blocked = array<u32, MAX_LIGHTS>(0u, 0u, 0u);
@@ -95,6 +110,7 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         let shape = TableShape(instances[i].first_byte, instances[i].entries, instances[i].exits);
         let origin = to_field(instances[i], vec4<f32>(receiver.position, 1.0));
+        let normal = field_normal(instances[i], receiver.normal);
         if length(to_center) - radius < frame.max_distance {
             for (var ray = 0u; ray < frame.ambient_rays; ray++) {
                 if (ambient_blocked & (1u << ray)) != 0u {
@@ -103,8 +119,7 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
                 let point = samples[ray * ambient_stride + ambient_residue].xyz;
                 let direction = cosine_direction(receiver.normal, point);
                 let along = to_field(instances[i], vec4<f32>(direction, 0.0));
-                let cosine = dot(receiver.normal, direction);
-                if occluded(shape, origin, along, frame.max_distance, cosine, bias) {
+                if occluded(shape, origin, along, frame.max_distance, normal, bias) {
                     ambient_blocked |= 1u << ray;
                 }
             }
@@ -121,8 +136,7 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
                 let point = samples[first_disc_sample + ray * light_stride + light_residue].xy;
                 let direction = disc_direction(light, point);
                 let along = to_field(instances[i], vec4<f32>(direction, 0.0));
-                let cosine = dot(receiver.normal, direction);
-                if occluded(shape, origin, along, NO_HIT, cosine, bias) {
+                if occluded(shape, origin, along, NO_HIT, normal, bias) {
                     light_blocked[l] |= 1u << ray;
                 }
             }

@@ -4,14 +4,16 @@ struct Probe {
     origin: vec3<f32>,
     t_max: f32,
     direction: vec3<f32>,
-    cosine: f32,
+    padding: u32,
+    normal: vec3<f32>,
+    padding_2: u32,
 }
 
 struct Answer {
     forward_index: u32,
     reversed_index: u32,
     occluded: u32,
-    bias: f32,
+    bias_height: f32,
 }
 
 @group(0) @binding(0) var<storage, read> tables: array<u32>;
@@ -24,7 +26,7 @@ fn probe(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let shape = TableShape(0u, 65u, 32u);
-    let bias = Bias(0.25, 0.5);
+    let bias = Bias(0.15, 0.25);
     let ray = probes[id.x];
     let c = chord(ray.origin, ray.direction);
     var answer = Answer(0xffffffffu, 0xffffffffu, 0u, 0.0);
@@ -32,8 +34,8 @@ fn probe(@builtin(global_invocation_id) id: vec3<u32>) {
         answer.forward_index = forward_lookup(shape, ray.direction, c).index;
         let reversed = reversed_lookup(shape, ray.origin, ray.direction, c);
         answer.reversed_index = reversed.index;
-        answer.bias = bias_distance(bias, shape.exits, reversed.before, reversed.length, ray.cosine);
+        answer.bias_height = bias_height(bias, shape.exits, reversed.before, reversed.length);
     }
-    answer.occluded = u32(occluded(shape, ray.origin, ray.direction, ray.t_max, ray.cosine, bias));
+    answer.occluded = u32(occluded(shape, ray.origin, ray.direction, ray.t_max, ray.normal, bias));
     answers[id.x] = answer;
 }
