@@ -129,16 +129,10 @@ fn the_frame_is_near_exact_rays() {
             .map(|&pixel| {
                 let receiver = frame.geometry.receiver_at(pixel);
                 let at = Receiver { position: camera + receiver.position.as_dvec3(), normal: receiver.normal };
-                let sees_sun = || {
-                    // Both leave receivers that face away to the light's own cosine.
-                    if at.normal.dot(sun.to_light) <= 0.0 {
-                        1.0
-                    } else {
-                        exact::directional_visibility(&exact_scene, &at, &sun)
-                    }
-                };
-                (receiver.depth > 0.0)
-                    .then(|| [1.0 - exact::ambient_occlusion(&exact_scene, &at, &ambient), sees_sun()])
+                (receiver.depth > 0.0).then(|| {
+                    let occlusion = exact::ambient_occlusion(&exact_scene, &at, &ambient);
+                    [1.0 - occlusion, exact::directional_visibility(&exact_scene, &at, &sun)]
+                })
             })
             .collect();
         // Objects lie before the walls: their pixels are told from the floor's and walls' by the normal.

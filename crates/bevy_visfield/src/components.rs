@@ -70,8 +70,8 @@ pub struct FieldOcclusion {
     /// Ambient occlusion ignores surfaces beyond this distance, in world units, 0 to infinity (the default). A finite
     /// distance is cheaper in large scenes.
     pub max_distance: f32,
-    /// Scales the distance around a surface point within which an object's own surface does not count, 1 by default.
-    /// Raise it if surfaces shadow themselves; lower it if contact shadows start too late.
+    /// Scales how far an occluder must rise above the plane of a receiver to count, 1 by default: a small part of a cell of
+    /// its table. Raise it if surfaces shadow themselves; lower it if fine creases are lost.
     pub bias: f32,
 }
 

@@ -34,6 +34,11 @@
 //! - [`FieldOcclusion`] takes the place of Bevy's `ScreenSpaceAmbientOcclusion` on its camera, and like it needs
 //!   `Msaa::Off`.
 
+// The code in the README compiles.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct Readme;
+
 pub mod asset;
 #[cfg(feature = "bake")]
 pub mod bake;

@@ -88,9 +88,12 @@ pub fn ambient_occlusion(scene: &ExactScene, receiver: &Receiver, settings: &Amb
     occluded as f32 / rays as f32
 }
 
-/// The exact twin of `visfield::estimate::directional_visibility`, in [0, 1]. The light's bias does not apply; rays start
+/// The exact twin of `visfield::estimate::directional_visibility`, in [0, 1]; 1 for receivers that face away. The light's bias does not apply; rays start
 /// [`ExactScene::SURFACE_OFFSET`] above the surface instead.
 pub fn directional_visibility(scene: &ExactScene, receiver: &Receiver, light: &DirectionalShadow) -> f32 {
+    if receiver.normal.dot(light.to_light) <= 0.0 {
+        return 1.0;
+    }
     let start = scene.start(receiver);
     let rays = light.rays.max(1);
     let basis = DiscBasis::new(light.to_light, light.angular_radius);

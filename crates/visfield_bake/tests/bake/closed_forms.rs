@@ -106,10 +106,10 @@ fn segments_end_where_they_end() {
     let mut random = Random(7);
     for _ in 0..1000 {
         let from = random.in_ball().normalize().as_vec3() * 2.0;
-        let occluded = |t_max: f32| field.occluded(from, -from * 0.5, t_max, 1.0, Bias::NONE);
+        let occluded = |t_max: f32| field.occluded(from, -from * 0.5, t_max, Vec3::ZERO, Bias::NONE);
         // The surface is at distance 1.5, and so at t = 1.5.
         assert!(!occluded(1.45) && occluded(1.55) && occluded(f32::INFINITY), "from {from}");
     }
-    let beside = field.occluded(vec3(0.0, 0.7, 0.0), Vec3::Z, f32::INFINITY, 1.0, Bias::NONE);
+    let beside = field.occluded(vec3(0.0, 0.7, 0.0), Vec3::Z, f32::INFINITY, Vec3::ZERO, Bias::NONE);
     assert!(!beside, "a ray beside the sphere");
 }

@@ -1,16 +1,12 @@
 //! The committed example meshes and their fields belong together, and can be rendered.
 
-use std::path::PathBuf;
-
 use glam::DVec3;
 use visfield::file;
 use visfield_bake::{BakeSettings, bake, read_meshes};
 
-const NAMES: [&str; 3] = ["torus_knot", "supershape", "chair"];
+use crate::support::asset;
 
-fn asset(name: &str, extension: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../assets/meshes").join(name).with_extension(extension)
-}
+const NAMES: [&str; 3] = ["torus_knot", "supershape", "chair"];
 
 #[test]
 fn fields_are_baked_from_their_meshes() {

@@ -4,5 +4,6 @@ mod bad_input;
 mod closed_forms;
 mod command;
 mod example_assets;
+mod own_surface;
 mod real_meshes;
 mod support;

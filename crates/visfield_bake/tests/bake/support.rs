@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use glam::{DVec3, dvec3};
+use glam::{DVec3, Vec3, dvec3};
 use gltf::binary::{Glb, Header};
 use visfield::VisibilityField;
 use visfield::field::query::Bias;
@@ -18,6 +18,11 @@ pub(crate) fn shared_mesh(name: &str) -> Option<PathBuf> {
     assert!(std::env::var_os("CI").is_none(), "{} is missing", path.display());
     println!("skipped: {} is missing", path.display());
     None
+}
+
+/// A committed example mesh, or its field.
+pub(crate) fn asset(name: &str, extension: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../assets/meshes").join(name).with_extension(extension)
 }
 
 /// `SplitMix64` (Steele et al., *Fast Splittable Pseudorandom Number Generators*, 2014).
@@ -108,7 +113,7 @@ pub(crate) fn compare(
         let direction = random.in_ball() * 2.0;
         let exact = truth(mesh_from_field.transform_point3(inside), mesh_from_field.transform_vector3(direction));
         let (origin, along) = (inside.as_vec3(), direction.as_vec3());
-        let occluded = field.occluded(origin, along, f32::INFINITY, 1.0, Bias::NONE);
+        let occluded = field.occluded(origin, along, f32::INFINITY, Vec3::ZERO, Bias::NONE);
         errors.occluded_disagree += f64::from(occluded != exact.is_some());
         if let (true, Some(found), Some((_, last))) = (occluded, field.last_hit(origin, along), exact) {
             errors.last_distance += (f64::from(found) - last).abs() * direction.length();
