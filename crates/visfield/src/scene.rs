@@ -125,14 +125,17 @@ impl Placement {
     /// ```
     pub fn field_normal(&self, normal: Vec3) -> Vec3 {
         let linear = self.field_from_world.matrix3;
-        let [x, y, z] = [0, 1, 2].map(|i| Vec3::from(linear.row(i)));
+        let rows = [0, 1, 2].map(|i| Vec3::from(linear.row(i)));
+        // Products of three components of tiny or huge objects would leave the range of f32.
+        let largest = rows.iter().map(|row| row.abs().max_element()).fold(0.0, f32::max);
+        let [x, y, z] = rows.map(|row| row / largest);
         let cofactors = vec3(y.cross(z).dot(normal), z.cross(x).dot(normal), x.cross(y).dot(normal));
         let orientation = if x.dot(y.cross(z)) < 0.0 { -1.0 } else { 1.0 };
         cofactors.normalize_or_zero() * orientation
     }
 }
 
-/// Relative volume below which a transform counts as singular: an object squeezed 1 : 10⁻⁹.
+/// Relative volume below which a transform counts as singular: one axis squeezed to 10⁻¹⁸ of the others, or two to 10⁻⁹.
 const SINGULAR: f64 = 1.0e-18;
 
 /// An upper bound of how much a linear map lengthens any vector: the square root of the largest absolute row sum of the Gram
@@ -153,7 +156,10 @@ mod tests {
 
     #[test]
     fn singular_and_non_finite_transforms_vanish() {
-        for scale in [DVec3::ZERO, dvec3(1.0, 1.0, 0.0), dvec3(f64::NAN, 1.0, 1.0), dvec3(f64::INFINITY, 1.0, 1.0)] {
+        let flat = dvec3(1.0, 1e-19, 1.0);
+        for scale in
+            [DVec3::ZERO, flat, dvec3(1.0, 1.0, 0.0), dvec3(f64::NAN, 1.0, 1.0), dvec3(f64::INFINITY, 1.0, 1.0)]
+        {
             assert_eq!(Placement::new(&UNIT, DAffine3::from_scale(scale), DVec3::ZERO), None, "{scale}");
         }
         let nowhere = DAffine3::from_translation(dvec3(f64::NAN, 0.0, 0.0));
@@ -180,6 +186,18 @@ mod tests {
             assert!(world.distance(placement.center) <= placement.radius * 1.0001);
             let back = placement.field_from_world.transform_point3(world);
             assert!(back.distance(point) < 1e-4);
+        }
+    }
+
+    #[test]
+    fn normals_survive_extreme_and_mirrored_transforms() {
+        for scale in [1e-12, 1e-6, 1.0, 1e6, 1e12] {
+            let squeezed = DAffine3::from_scale(dvec3(1.0, -2.0, 3.0) * scale);
+            let placement = Placement::new(&UNIT, squeezed, DVec3::ZERO).unwrap();
+            // The plane x + y = 0 of the mesh: its normal in the world is (1, −1/2, 0).
+            let normal = placement.field_normal(vec3(1.0, -0.5, 0.0).normalize());
+            let expected = vec3(1.0, 1.0, 0.0).normalize();
+            assert!(normal.distance(expected) < 1e-5, "scale {scale}: {normal}");
         }
     }
 

@@ -4,7 +4,7 @@
 //! is an error of the field and not of the sampling.
 
 use glam::{DAffine3, DVec3, Vec3};
-use visfield::estimate::sampling::{DiscBasis, disc_samples, sphere_samples};
+use visfield::estimate::sampling::sphere_samples;
 use visfield::estimate::{AmbientOcclusion, DirectionalShadow, Receiver, cosine_direction};
 
 use crate::mesh::{Mesh, MeshError};
@@ -95,13 +95,9 @@ pub fn directional_visibility(scene: &ExactScene, receiver: &Receiver, light: &D
         return 1.0;
     }
     let start = scene.start(receiver);
-    let rays = light.rays.max(1);
-    let basis = DiscBasis::new(light.to_light, light.angular_radius);
-    let occluded = disc_samples(rays)
-        .into_iter()
-        .filter(|&sample| scene.triangles.occluded(start, basis.direction(sample), 0.0, f32::INFINITY))
-        .count();
-    1.0 - occluded as f32 / rays as f32
+    let rays = light.rays_above(receiver.normal);
+    let occluded = rays.iter().filter(|&&ray| scene.triangles.occluded(start, ray, 0.0, f32::INFINITY)).count();
+    1.0 - occluded as f32 / rays.len().max(1) as f32
 }
 
 #[cfg(test)]

@@ -75,7 +75,7 @@ impl TraceSettings {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameLight {
-    /// Which mask of the output it fills, below [`MAX_LIGHTS`].
+    /// Which mask of the output it fills, below [`MAX_LIGHTS`]; a light with another channel is ignored.
     pub channel: usize,
     /// The light's disc in the sky.
     pub disc: DiscBasis,
@@ -84,14 +84,10 @@ pub struct FrameLight {
 }
 
 impl FrameLight {
-    /// Largest angular radius in radians; wider discs approach a half-space, whose tangents have no end.
-    pub const MAX_ANGULAR_RADIUS: f32 = 1.2;
-
     /// The light towards `to_light` (a unit vector) that fills mask `channel`. The angular radius is in radians and is
-    /// clamped to 0…[`Self::MAX_ANGULAR_RADIUS`].
+    /// clamped as [`DiscBasis`] says.
     pub fn new(channel: usize, to_light: Vec3, angular_radius: f32) -> Self {
-        let angular_radius =
-            if angular_radius.is_nan() { 0.0 } else { angular_radius.clamp(0.0, Self::MAX_ANGULAR_RADIUS) };
+        let angular_radius = DiscBasis::clamp_angular_radius(angular_radius);
         Self { channel, disc: DiscBasis::new(to_light, angular_radius), angular_radius }
     }
 }
@@ -148,6 +144,22 @@ impl GeometryBuffer {
 }
 
 /// Traces every pixel: ambient occlusion in x, the occlusion of the lights by channel in y, z, w. Noisy; see [`denoise`].
+///
+/// ```
+/// use glam::{Mat4, Vec3, Vec4, uvec2};
+/// use visfield::estimate::frame::{GeometryBuffer, TraceSettings, denoise, trace};
+/// let geometry = GeometryBuffer {
+///     world_from_clip: Mat4::perspective_infinite_reverse_rh(1.0, 1.0, 0.1).inverse(),
+///     size: uvec2(2, 1),
+///     depth: vec![0.05, 0.0], // a wall two units away, and the sky
+///     normals: vec![Vec3::Z; 2],
+/// };
+/// let noisy = trace(&geometry, &[], &[], &TraceSettings::default());
+/// assert_eq!(denoise(&geometry, &noisy), [Vec4::ZERO; 2]); // nothing there to occlude
+/// ```
+///
+/// # Panics
+/// If depth or normals do not hold one value per pixel.
 pub fn trace(
     geometry: &GeometryBuffer,
     instances: &[(Placement, &VisibilityField)],
@@ -161,26 +173,59 @@ pub fn trace(
         if receiver.depth == 0.0 {
             return Vec4::ZERO;
         }
-        let blocked = |direction: Vec3, t_max: f32| {
-            instances.iter().any(|(placement, field)| {
-                let origin = placement.field_from_world.transform_point3(receiver.position);
-                let along = placement.field_from_world.transform_vector3(direction);
-                field.occluded(origin, along, t_max, placement.field_normal(receiver.normal), settings.bias)
+        let near: Vec<NearInstance> = instances
+            .iter()
+            .filter(|(placement, _)| {
+                let to_center = placement.center - receiver.position;
+                // What lies wholly below the horizon blocks no ray that counts.
+                above_surface(to_center, placement.radius, receiver.normal)
             })
+            .map(|(placement, field)| NearInstance {
+                placement,
+                field,
+                origin: placement.field_from_world.transform_point3(receiver.position),
+                normal: placement.field_normal(receiver.normal),
+            })
+            .collect();
+        let blocked = |instance: &NearInstance, direction: Vec3, t_max: f32| {
+            let along = instance.placement.field_from_world.transform_vector3(direction);
+            instance.field.occluded(instance.origin, along, t_max, instance.normal, settings.bias)
         };
         let mut occlusion = Vec4::ZERO;
+        let reached = |instance: &&NearInstance| {
+            let distance = (instance.placement.center - receiver.position).length();
+            distance - instance.placement.radius < settings.max_distance
+        };
         let count = own_samples(&sphere, pixel, AMBIENT_INTERLEAVE_BITS)
-            .filter(|&&point| blocked(cosine_direction(receiver.normal, point), settings.max_distance))
+            .map(|&point| cosine_direction(receiver.normal, point))
+            .filter(|&ray| near.iter().filter(reached).any(|instance| blocked(instance, ray, settings.max_distance)))
             .count();
         occlusion.x = count as f32 / settings.ambient_rays.max(1) as f32;
-        for light in lights.iter().filter(|light| receiver.normal.dot(light.disc.axis) > 0.0) {
-            let rays = own_samples(&disc, pixel, LIGHT_INTERLEAVE_BITS);
-            let count = rays.filter(|&&point| blocked(light.disc.direction(point), f32::INFINITY)).count();
-            occlusion[light.channel + 1] = count as f32 / settings.shadow_rays.max(1) as f32;
+        let usable = |light: &&FrameLight| light.channel < MAX_LIGHTS && receiver.normal.dot(light.disc.axis) > 0.0;
+        for light in lights.iter().filter(usable) {
+            let in_cone = |instance: &&NearInstance| {
+                meets_cone(instance.placement.center - receiver.position, instance.placement.radius, light)
+            };
+            // Of the disc, only what is above the receiver's horizon counts.
+            let rays: Vec<Vec3> = own_samples(&disc, pixel, LIGHT_INTERLEAVE_BITS)
+                .map(|&point| light.disc.direction(point))
+                .filter(|ray| receiver.normal.dot(*ray) > 0.0)
+                .collect();
+            let blocked = |ray: Vec3| near.iter().filter(in_cone).any(|instance| blocked(instance, ray, f32::INFINITY));
+            let count = rays.iter().filter(|&&ray| blocked(ray)).count();
+            occlusion[light.channel + 1] = count as f32 / rays.len().max(1) as f32;
         }
         occlusion
     };
     geometry.pixels().map(trace_pixel).collect()
+}
+
+/// An instance that may block rays of a receiver, with the receiver in its field space.
+struct NearInstance<'a> {
+    placement: &'a Placement,
+    field: &'a VisibilityField,
+    origin: Vec3,
+    normal: Vec3,
 }
 
 /// The samples of a shared pattern that a pixel takes.
@@ -189,39 +234,39 @@ fn own_samples<T>(pattern: &[T], pixel: UVec2, bits: u32) -> impl Iterator<Item 
     pattern.iter().skip(residue).step_by(residues(bits) as usize)
 }
 
-/// Averages the interleaved patterns over the same surface, along rows and then along columns. The shader's pass over
-/// columns also encodes the result, see [`OUTPUT_FORMAT`](crate::gpu::OUTPUT_FORMAT).
+/// Averages the interleaved patterns over the same surface, along rows and then along columns. (The shader's pass over
+/// columns also encodes the result, see `gpu::OUTPUT_FORMAT`.)
+///
+/// # Panics
+/// If `noisy`, depth or normals do not hold one value per pixel.
 pub fn denoise(geometry: &GeometryBuffer, noisy: &[Vec4]) -> Vec<Vec4> {
-    let rows = denoise_lines(geometry, noisy, IVec2::X);
-    let columns = denoise_lines(geometry, &rows, IVec2::Y);
-    columns.into_iter().map(|occlusion| occlusion.clamp(Vec4::ZERO, Vec4::ONE)).collect()
+    let rows: Vec<Vec4> = geometry.pixels().map(|pixel| denoise_line(geometry, noisy, pixel, IVec2::X)).collect();
+    let column = |pixel| denoise_line(geometry, &rows, pixel, IVec2::Y).clamp(Vec4::ZERO, Vec4::ONE);
+    geometry.pixels().map(column).collect()
 }
 
 /// Taps to either side.
 const REACH: i32 = 4;
 
-fn denoise_lines(geometry: &GeometryBuffer, noisy: &[Vec4], along: IVec2) -> Vec<Vec4> {
+fn denoise_line(geometry: &GeometryBuffer, noisy: &[Vec4], pixel: UVec2, along: IVec2) -> Vec4 {
     let last = geometry.size.as_ivec2() - 1;
-    let denoise_line = |pixel: UVec2| {
-        let center = geometry.receiver_at(pixel);
-        let mut sum = noisy[geometry.index(pixel)];
-        let mut total = Vec4::ONE;
-        if center.depth > 0.0 {
-            let footprint = pixel_footprint(geometry, pixel, &center);
-            for offset in -REACH..=REACH {
-                let at = pixel.as_ivec2() + along * offset;
-                if offset == 0 || at.cmplt(IVec2::ZERO).any() || at.cmpgt(last).any() {
-                    continue;
-                }
-                let at = at.as_uvec2();
-                let weight = pattern_weight(offset) * bilateral_weight(&center, &geometry.receiver_at(at), footprint);
-                sum += noisy[geometry.index(at)] * weight;
-                total += weight;
+    let center = geometry.receiver_at(pixel);
+    let mut sum = noisy[geometry.index(pixel)];
+    let mut total = Vec4::ONE;
+    if center.depth > 0.0 {
+        let footprint = pixel_footprint(geometry, pixel, &center);
+        for offset in -REACH..=REACH {
+            let at = pixel.as_ivec2() + along * offset;
+            if offset == 0 || at.cmplt(IVec2::ZERO).any() || at.cmpgt(last).any() {
+                continue;
             }
+            let at = at.as_uvec2();
+            let weight = pattern_weight(offset) * bilateral_weight(&center, &geometry.receiver_at(at), footprint);
+            sum += noisy[geometry.index(at)] * weight;
+            total += weight;
         }
-        sum / total
-    };
-    geometry.pixels().map(denoise_line).collect()
+    }
+    sum / total
 }
 
 /// How much a tap counts for ambient occlusion and for lights, whose patterns repeat every eight and four pixels: each
@@ -238,7 +283,7 @@ fn pattern_weight(offset: i32) -> Vec4 {
 
 /// How far a neighbour lies on the same surface, from 1 to 0 across depth edges and creases. `footprint` is the width of a
 /// pixel at the centre, in world units.
-pub fn bilateral_weight(center: &FrameReceiver, neighbor: &FrameReceiver, footprint: f32) -> f32 {
+fn bilateral_weight(center: &FrameReceiver, neighbor: &FrameReceiver, footprint: f32) -> f32 {
     if neighbor.depth == 0.0 {
         return 0.0;
     }
@@ -254,12 +299,12 @@ fn pixel_footprint(geometry: &GeometryBuffer, pixel: UVec2, center: &FrameReceiv
 }
 
 /// Whether a bounding sphere can block any ray of the receiver's hemisphere.
-pub fn above_surface(to_center: Vec3, radius: f32, normal: Vec3) -> bool {
+fn above_surface(to_center: Vec3, radius: f32, normal: Vec3) -> bool {
     to_center.dot(normal) > -radius
 }
 
 /// Whether a bounding sphere can block any ray towards the light's disc: whether it meets the cone of those rays.
-pub fn meets_cone(to_center: Vec3, radius: f32, light: &FrameLight) -> bool {
+fn meets_cone(to_center: Vec3, radius: f32, light: &FrameLight) -> bool {
     let along = to_center.dot(light.disc.axis);
     let across = (to_center - light.disc.axis * along).length();
     let (sine, cosine) = light.angular_radius.sin_cos();

@@ -59,7 +59,8 @@ impl Default for AmbientOcclusion {
 pub struct DirectionalShadow {
     /// Unit vector towards the light.
     pub to_light: Vec3,
-    /// Half of the angle that the light's disc covers in the sky, in radians, 0 to below π/2. The sun's is 0.00465.
+    /// Half of the angle that the light's disc covers in the sky, in radians, 0 to
+    /// [`DiscBasis::MAX_ANGULAR_RADIUS`]. The sun's is 0.00465.
     pub angular_radius: f32,
     /// Rays over the disc, at least 1.
     pub rays: u32,
@@ -71,6 +72,13 @@ impl DirectionalShadow {
     /// A light with the default number of rays and bias.
     pub fn new(to_light: Vec3, angular_radius: f32) -> Self {
         Self { to_light, angular_radius, rays: 64, bias: Bias::default() }
+    }
+
+    /// The directions to the disc's samples that lie above the horizon of a receiver with this unit normal.
+    pub fn rays_above(&self, normal: Vec3) -> Vec<Vec3> {
+        let disc = DiscBasis::new(self.to_light, self.angular_radius);
+        let directions = disc_samples(self.rays.max(1)).into_iter().map(|sample| disc.direction(sample));
+        directions.filter(|direction| normal.dot(*direction) > 0.0).collect()
     }
 }
 
@@ -88,23 +96,16 @@ pub fn ambient_occlusion(scene: &Scene, receiver: &Receiver, settings: &AmbientO
     occluded as f32 / rays as f32
 }
 
-/// The fraction of the light's disc that the receiver sees, in [0, 1]; 1 for receivers that face away, which the light's
-/// own cosine already leaves dark.
+/// The fraction of the light's disc that the receiver sees, of what is above its horizon, in [0, 1]; 1 for receivers that
+/// face away, which the light's own cosine already leaves dark.
 pub fn directional_visibility(scene: &Scene, receiver: &Receiver, light: &DirectionalShadow) -> f32 {
     if receiver.normal.dot(light.to_light) <= 0.0 {
         return 1.0;
     }
     let placements = scene.place(receiver.position);
-    let rays = light.rays.max(1);
-    let basis = DiscBasis::new(light.to_light, light.angular_radius);
-    let occluded = disc_samples(rays)
-        .into_iter()
-        .filter(|&sample| {
-            let direction = basis.direction(sample);
-            occluded(&placements, receiver.normal, direction, f32::INFINITY, light.bias)
-        })
-        .count();
-    1.0 - occluded as f32 / rays as f32
+    let rays = light.rays_above(receiver.normal);
+    let blocked = |ray: &&Vec3| occluded(&placements, receiver.normal, **ray, f32::INFINITY, light.bias);
+    1.0 - rays.iter().filter(blocked).count() as f32 / rays.len().max(1) as f32
 }
 
 /// A direction of the hemisphere around `normal`, cosine-distributed if `sample` is uniform on the unit sphere: the
@@ -164,6 +165,12 @@ mod tests {
         let near = AmbientOcclusion { max_distance: 0.5, ..AmbientOcclusion::default() };
         assert_eq!(ambient_occlusion(&ball_above_ground(2.0), &GROUND, &near), 0.0);
         assert!(ambient_occlusion(&ball_above_ground(1.2), &GROUND, &near) > 0.2);
+        // Here the bounding sphere begins within reach, and the ball in it does not.
+        let mut scene = Scene::default();
+        let small = scene.add_field(ball_field(0.5, 65, 32));
+        scene.instances.push(Instance::new(small, DAffine3::from_translation(dvec3(0.0, 1.2, 0.0))));
+        assert_eq!(ambient_occlusion(&scene, &GROUND, &near), 0.0);
+        assert!(ambient_occlusion(&scene, &GROUND, &AmbientOcclusion::default()) > 0.1);
     }
 
     #[test]

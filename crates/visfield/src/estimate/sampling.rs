@@ -93,10 +93,18 @@ pub struct DiscBasis {
 }
 
 impl DiscBasis {
-    /// The disc around `axis` (a unit vector) with the given angular radius in radians, 0 to below π/2.
+    /// Largest angular radius in radians; wider discs approach a half-space, whose tangents have no end.
+    pub const MAX_ANGULAR_RADIUS: f32 = 1.2;
+
+    /// An angular radius in radians as discs have it: 0 to [`Self::MAX_ANGULAR_RADIUS`], NaN becomes 0.
+    pub fn clamp_angular_radius(angular_radius: f32) -> f32 {
+        if angular_radius.is_nan() { 0.0 } else { angular_radius.clamp(0.0, Self::MAX_ANGULAR_RADIUS) }
+    }
+
+    /// The disc around `axis` (a unit vector) with the given [angular radius](Self::clamp_angular_radius).
     pub fn new(axis: Vec3, angular_radius: f32) -> Self {
         let (tangent, bitangent) = axis.any_orthonormal_pair();
-        let radius = angular_radius.tan();
+        let radius = Self::clamp_angular_radius(angular_radius).tan();
         Self { axis, tangent: tangent * radius, bitangent: bitangent * radius }
     }
 

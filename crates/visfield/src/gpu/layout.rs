@@ -130,8 +130,11 @@ impl FrameUniform {
         settings: &TraceSettings,
     ) -> Self {
         let mut data = [LightData::default(); MAX_LIGHTS];
-        for (slot, light) in data.iter_mut().zip(lights) {
+        let usable = lights.iter().filter(|light| light.channel < MAX_LIGHTS);
+        let mut light_count = 0;
+        for (slot, light) in data.iter_mut().zip(usable) {
             *slot = light.into();
+            light_count += 1;
         }
         Self {
             world_from_clip: world_from_clip.to_cols_array_2d(),
@@ -140,7 +143,7 @@ impl FrameUniform {
             instance_count,
             ambient_rays: settings.ambient_rays,
             shadow_rays: settings.shadow_rays,
-            light_count: lights.len().min(MAX_LIGHTS) as u32,
+            light_count,
             // WGSL has no portable infinity; this is its NO_HIT.
             max_distance: settings.max_distance.min(3.0e38),
             bias_height: settings.bias.height,

@@ -6,8 +6,8 @@ use thiserror::Error;
 use crate::field::lookup::TableShape;
 use crate::field::{BoundingSphere, VisibilityField};
 
-/// First size of the buffer in words: 16 MiB, some three default tables.
-const FIRST_WORDS: u64 = 4 << 20;
+/// First size of the buffer in words: next to nothing, for scenes without fields.
+const FIRST_WORDS: u64 = 1024;
 
 /// Why a field cannot be uploaded.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -149,8 +149,9 @@ impl FieldPool {
     /// Moves the tables to a buffer that has room for `words` more at its end.
     fn grow(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, words: u64) -> Result<(), PoolError> {
         let old = self.statistics.buffer_bytes / 4;
-        let new = (old * 2).max(old + words).min(self.limit_words);
-        if new < old + words {
+        let used = self.words.allocated_ranges().map(|range| range.end).max().unwrap_or(0);
+        let new = (old * 2).max(used + words).min(self.limit_words);
+        if new < used + words {
             return Err(self.full(words));
         }
         let buffer = create_buffer(device, new);

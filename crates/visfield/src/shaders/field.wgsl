@@ -10,6 +10,7 @@ const FRACTION_QUANTUM: f32 = 1.0 / 254.0;
 const NO_HIT: f32 = 3.0e38;
 const GRAZING: f32 = 1.0e-3;
 const HALF_QUANTUM: f32 = 0.5 / 254.0;
+const NEAR_SPHERE: f32 = 1.0;
 // √4π
 const SQRT_SPHERE: f32 = 3.5449077;
 
@@ -105,10 +106,11 @@ fn reversed_lookup(shape: TableShape, origin: vec3<f32>, direction: vec3<f32>, c
     return aimed_lookup(shape, c.middle + half, c.middle - half, origin);
 }
 
-// The code stored for a chord.
-fn code(shape: TableShape, index: u32) -> u32 {
+// The fraction of a chord at which the first surface is met, or NO_HIT.
+fn fraction(shape: TableShape, index: u32) -> f32 {
     let byte = shape.first_byte + index;
-    return (tables[byte >> 2u] >> ((byte & 3u) * 8u)) & 0xffu;
+    let code = (tables[byte >> 2u] >> ((byte & 3u) * 8u)) & 0xffu;
+    return select(f32(code) * FRACTION_QUANTUM, NO_HIT, code == NO_HIT_CODE);
 }
 
 fn point_on_chord(shape: TableShape, index: u32, fraction: f32) -> vec3<f32> {
@@ -130,14 +132,30 @@ fn bias_along(bias: Bias, exits: u32, before: f32, length: f32) -> f32 {
     return length * HALF_QUANTUM + exit_spread(exits, before, length) * bias.along;
 }
 
-fn first_hit_on_chord(shape: TableShape, direction: vec3<f32>, c: Chord) -> f32 {
+fn rises_above(
+    shape: TableShape,
+    lookup: Lookup,
+    fraction: f32,
+    origin: vec3<f32>,
+    normal: vec3<f32>,
+    bias: Bias,
+) -> bool {
+    let height = dot(point_on_chord(shape, lookup.index, fraction) - origin, normal);
+    return all(normal == vec3<f32>(0.0)) || height > bias_height(bias, shape.exits, lookup.before, lookup.length);
+}
+
+// t is NO_HIT where Rust has `None`.
+struct ForwardHit {
+    t: f32,
+    lookup: Lookup,
+    fraction: f32,
+}
+
+fn first_hit_on_chord(shape: TableShape, direction: vec3<f32>, c: Chord) -> ForwardHit {
     let lookup = forward_lookup(shape, direction, c);
-    let code = code(shape, lookup.index);
-    if code == NO_HIT_CODE {
-        return NO_HIT;
-    }
-    let past_middle = f32(code) * FRACTION_QUANTUM * lookup.length - lookup.before;
-    return c.t_middle + past_middle / length(direction);
+    let fraction = fraction(shape, lookup.index);
+    let past_middle = fraction * lookup.length - lookup.before;
+    return ForwardHit(select(c.t_middle + past_middle / length(direction), NO_HIT, fraction == NO_HIT), lookup, fraction);
 }
 
 fn occluded(
@@ -153,28 +171,28 @@ fn occluded(
     if c.t_half == 0.0 || c.t_middle + c.t_half <= 0.0 || t_entry >= t_max {
         return false;
     }
+    let direction_length = length(direction);
     if t_entry >= 0.0 {
-        return first_hit_on_chord(shape, direction, c) < t_max;
+        let hit = first_hit_on_chord(shape, direction, c);
+        if hit.t >= t_max {
+            return false;
+        }
+        let far_outside = t_entry * direction_length > NEAR_SPHERE * cell_width(shape.entries);
+        return far_outside || rises_above(shape, hit.lookup, hit.fraction, origin, normal, bias);
     }
     let lookup = reversed_lookup(shape, origin, direction, c);
-    let code = code(shape, lookup.index);
-    if code == NO_HIT_CODE {
+    let fraction = fraction(shape, lookup.index);
+    if fraction == NO_HIT {
         return false;
     }
-    let fraction = f32(code) * FRACTION_QUANTUM;
-    let scale = 1.0 / length(direction);
-    let t_last = (lookup.before - fraction * lookup.length) * scale;
-    let t_bias = bias_along(bias, shape.exits, lookup.before, lookup.length) * scale;
-    if t_last <= t_bias {
-        return false;
-    }
-    let height = dot(point_on_chord(shape, lookup.index, fraction) - origin, normal);
-    if any(normal != vec3<f32>(0.0)) && height <= bias_height(bias, shape.exits, lookup.before, lookup.length) {
+    let t_last = (lookup.before - fraction * lookup.length) / direction_length;
+    let t_bias = bias_along(bias, shape.exits, lookup.before, lookup.length) / direction_length;
+    if t_last <= t_bias || !rises_above(shape, lookup, fraction, origin, normal, bias) {
         return false;
     }
     if t_last < t_max {
         return true;
     }
-    let t_first = first_hit_on_chord(shape, direction, c);
-    return t_first > t_bias && t_first < t_max;
+    let hit = first_hit_on_chord(shape, direction, c);
+    return hit.t > t_bias && hit.t < t_max && rises_above(shape, hit.lookup, hit.fraction, origin, normal, bias);
 }

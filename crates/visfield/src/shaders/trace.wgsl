@@ -57,9 +57,13 @@ fn to_field(instance: Instance, v: vec4<f32>) -> vec3<f32> {
 // The normal in field space of a surface with this normal in the world: by the cofactors of the linear map, which are its
 // inverse transpose up to a factor.
 fn field_normal(instance: Instance, normal: vec3<f32>) -> vec3<f32> {
-    let x = instance.field_from_world[0].xyz;
-    let y = instance.field_from_world[1].xyz;
-    let z = instance.field_from_world[2].xyz;
+    let rows = instance.field_from_world;
+    // Products of three components of tiny or huge objects would leave the range of f32.
+    let component = max(max(abs(rows[0].xyz), abs(rows[1].xyz)), abs(rows[2].xyz));
+    let largest = max(max(component.x, component.y), component.z);
+    let x = rows[0].xyz / largest;
+    let y = rows[1].xyz / largest;
+    let z = rows[2].xyz / largest;
     let cofactors = vec3<f32>(dot(cross(y, z), normal), dot(cross(z, x), normal), dot(cross(x, y), normal));
     let orientation = select(1.0, -1.0, dot(x, cross(y, z)) < 0.0);
     let squared = dot(cofactors, cofactors);
@@ -105,6 +109,7 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
     for (var i = 0u; i < frame.instance_count; i++) {
         let to_center = instances[i].center - receiver.position;
         let radius = instances[i].radius;
+        // What lies wholly below the horizon blocks no ray that counts.
         if !above_surface(to_center, radius, receiver.normal) {
             continue;
         }
@@ -135,6 +140,9 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
                 }
                 let point = samples[first_disc_sample + ray * light_stride + light_residue].xy;
                 let direction = disc_direction(light, point);
+                if dot(receiver.normal, direction) <= 0.0 {
+                    continue;
+                }
                 let along = to_field(instances[i], vec4<f32>(direction, 0.0));
                 if occluded(shape, origin, along, NO_HIT, normal, bias) {
                     light_blocked[l] |= 1u << ray;
@@ -146,8 +154,14 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
     var occlusion = vec4<f32>(0.0);
     occlusion.x = f32(countOneBits(ambient_blocked)) / f32(max(frame.ambient_rays, 1u));
     for (var l = 0u; l < frame.light_count; l++) {
-        let fraction = f32(countOneBits(light_blocked[l])) / f32(max(frame.shadow_rays, 1u));
-        occlusion[frame.lights[l].channel + 1u] = fraction;
+        let light = frame.lights[l];
+        // Of the disc, only what is above the receiver's horizon counts.
+        var counted = 0u;
+        for (var ray = 0u; ray < frame.shadow_rays; ray++) {
+            let point = samples[first_disc_sample + ray * light_stride + light_residue].xy;
+            counted += u32(dot(receiver.normal, disc_direction(light, point)) > 0.0);
+        }
+        occlusion[light.channel + 1u] = f32(countOneBits(light_blocked[l])) / f32(max(counted, 1u));
     }
     textureStore(noisy_texture, pixel, occlusion);
 }

@@ -61,6 +61,34 @@ fn real_meshes_do_not_shadow_themselves_where_they_should_not() {
 }
 
 #[test]
+fn a_flat_face_stays_bright_up_to_its_corners() {
+    // A box touches its bounding sphere with its corners: rounding puts receivers there on either side of it.
+    let corner = |i: u32| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { 1.0 } else { -1.0 });
+    let quad = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d]];
+    let faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
+    let mesh = Mesh {
+        name: "box".to_owned(),
+        positions: (0..8).map(corner).collect(),
+        indices: faces.into_iter().flat_map(quad).collect(),
+    };
+    let mut scene = Scene::default();
+    let field = scene.add_field(bake(&mesh, &BakeSettings::default(), |_| ()).unwrap());
+    scene.instances.push(Instance::new(field, DAffine3::IDENTITY));
+    for max_distance in [0.3, f32::INFINITY] {
+        let settings = AmbientOcclusion { rays: RAYS, max_distance, ..AmbientOcclusion::default() };
+        for scale in [1.0 - 1e-5, 1.0, 1.0 + 1e-5] {
+            let at = |x: f64, z: f64| Receiver { position: DVec3::new(x, 1.0, z) * scale, normal: Vec3::Y };
+            let steps = || (-10..=10).map(|i| f64::from(i) * 0.09999);
+            let darkest = steps()
+                .flat_map(|x| steps().map(move |z| at(x, z)))
+                .map(|receiver| ambient_occlusion(&scene, &receiver, &settings))
+                .fold(0.0, f32::max);
+            assert!(darkest < 0.02, "reach {max_distance}, scale {scale}: {darkest}");
+        }
+    }
+}
+
+#[test]
 fn a_ball_that_fills_its_bounds_stays_bright() {
     // Every receiver lies next to the bounding sphere, where stored chords are short and their angles coarse.
     let field = visfield::field::ball_field(0.98, 65, 32);
