@@ -13,14 +13,14 @@
 //! | Space | pause |
 //! | Esc | quit |
 
+use std::error::Error;
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use bevy::anti_alias::fxaa::Fxaa;
-use bevy::asset::RenderAssetUsages;
-use bevy::mesh::{Indices, PrimitiveTopology};
 use bevy::prelude::*;
+use bevy_visfield::bake::to_bevy_mesh;
 use bevy_visfield::prelude::*;
 use clap::Parser;
 use visfield_workspace::headless::{ASSETS, HeadlessApp, write_gif};
@@ -69,8 +69,8 @@ struct OwnMeshes(Vec<visfield_bake::Mesh>);
 
 fn main() -> ExitCode {
     let options = Options::parse();
-    let own_meshes = match options.mesh.as_deref().map(visfield_bake::read_meshes).transpose() {
-        Ok(meshes) => meshes.map(OwnMeshes),
+    let own_meshes = match options.mesh.as_deref().map(read_own_meshes).transpose() {
+        Ok(meshes) => meshes,
         Err(error) => {
             eprintln!("error: {error}");
             return ExitCode::FAILURE;
@@ -89,6 +89,21 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Reads the user's meshes and leaves out those that cannot be baked, with a warning.
+fn read_own_meshes(path: &Path) -> Result<OwnMeshes, Box<dyn Error>> {
+    let mut sound = Vec::new();
+    for mesh in visfield_bake::read_meshes(path)? {
+        match mesh.validate() {
+            Ok(()) => sound.push(mesh),
+            Err(error) => eprintln!("warning: {}: {}: {error}", path.display(), mesh.name),
+        }
+    }
+    if sound.is_empty() {
+        return Err(format!("{}: none of its meshes can be baked", path.display()).into());
+    }
+    Ok(OwnMeshes(sound))
 }
 
 fn add_scene(app: &mut App, options: Options, own_meshes: Option<OwnMeshes>) {
@@ -189,15 +204,8 @@ fn own_parts(own: &[visfield_bake::Mesh], meshes: &mut Assets<Mesh>) -> ObjectPa
     let (low, high) = corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
     let scale = 2.0 / (high - low).max_element().max(f32::MIN_POSITIVE);
     let object_from_mesh = Transform::from_scale(Vec3::splat(scale)).with_translation((low + high) * (-0.5 * scale));
-    let meshes = own.iter().map(|mesh| meshes.add(shaded(mesh))).collect();
+    let meshes = own.iter().map(|mesh| meshes.add(to_bevy_mesh(mesh))).collect();
     ObjectParts { meshes, fields: Vec::new(), object_from_mesh }
-}
-
-fn shaded(mesh: &visfield_bake::Mesh) -> Mesh {
-    Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
-        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, mesh.positions.clone())
-        .with_inserted_indices(Indices::U32(mesh.indices.as_flattened().to_vec()))
-        .with_computed_smooth_normals()
 }
 
 fn spawn_camera(commands: &mut Commands) -> Entity {

@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 
-use bevy::asset::RenderAssetUsages;
-use bevy::mesh::{Indices, PrimitiveTopology};
 use bevy::prelude::*;
+use bevy_visfield::bake::to_bevy_mesh;
 use bevy_visfield::prelude::*;
 use visfield_bake::{BakeSettings, bake, read_meshes};
 use visfield_workspace::headless::HeadlessApp;
@@ -53,11 +52,7 @@ fn bake_load_and_render(name: &str) {
         Transform::from_translation(-scale * Vec3::new(center.x, low.y, center.z)).with_scale(Vec3::splat(scale));
     for mesh in &meshes {
         let field: Handle<VisibilityField> = server.load(format!("model.vfield#{}", mesh.name));
-        let shape = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
-            .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, mesh.positions.clone())
-            .with_inserted_indices(Indices::U32(mesh.indices.as_flattened().to_vec()))
-            .with_computed_smooth_normals();
-        let shape = world.resource_mut::<Assets<Mesh>>().add(shape);
+        let shape = world.resource_mut::<Assets<Mesh>>().add(to_bevy_mesh(mesh));
         world.spawn((Mesh3d(shape), MeshMaterial3d(material.clone()), place, VisibilityField3d(field)));
     }
     let look = Transform::from_xyz(2.5, 3.0, 5.0).looking_at(Vec3::Y * 0.8, Vec3::Y);

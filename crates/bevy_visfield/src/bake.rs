@@ -6,6 +6,7 @@ use std::collections::hash_map::Entry;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use bevy::asset::RenderAssetUsages;
 use bevy::mesh::{Indices, PrimitiveTopology, VertexAttributeValues};
 use bevy::prelude::*;
 use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
@@ -19,7 +20,8 @@ use crate::components::VisibilityField3d;
 ///
 /// The mesh must be a triangle list with float positions, and its data must stay in the main world
 /// (`RenderAssetUsages::MAIN_WORLD`, as glTF files and `Assets::add` leave it by default). A mesh that cannot be baked is
-/// told in one error, and its entity stays without a field.
+/// told in an error, and its entity stays without a field; insert the component again after a repair. When a mesh is
+/// modified, entities keep the field they have: insert the component again for a new one.
 ///
 /// ```
 /// use bevy::prelude::*;
@@ -28,10 +30,12 @@ use crate::components::VisibilityField3d;
 ///     (Mesh3d(mesh), MeshMaterial3d(material), BakeVisibilityField::default())
 /// }
 /// ```
-#[derive(Component, Clone, Copy, Debug, Default)]
+#[derive(Component, Reflect, Clone, Copy, Debug, Default)]
+#[reflect(Component, Default, Clone)]
 #[require(BakeProgress)]
 pub struct BakeVisibilityField {
     /// How fine the field is.
+    #[reflect(ignore)]
     pub settings: BakeSettings,
 }
 
@@ -51,7 +55,10 @@ pub struct BakeVisibilityField {
 pub struct BakeProgress(pub f32);
 
 pub(crate) fn plugin(app: &mut App) {
-    app.register_type::<BakeProgress>().init_resource::<Bakes>().add_systems(Update, bake_in_background);
+    app.register_type::<BakeVisibilityField>()
+        .register_type::<BakeProgress>()
+        .init_resource::<Bakes>()
+        .add_systems(Update, bake_in_background);
 }
 
 /// What identifies a bake: the mesh, and the table's sides.
@@ -65,7 +72,6 @@ struct Bakes(HashMap<BakeKey, Bake>);
 enum Bake {
     Running { task: Task<Result<visfield::VisibilityField, BakeError>>, rays_done: Arc<AtomicU64> },
     Finished(AssetId<VisibilityField>),
-    Failed,
 }
 
 fn bake_in_background(
@@ -73,47 +79,83 @@ fn bake_in_background(
     mut bakes: ResMut<Bakes>,
     mut fields: ResMut<Assets<VisibilityField>>,
     meshes: Res<Assets<Mesh>>,
+    server: Res<AssetServer>,
+    mut changes: MessageReader<AssetEvent<Mesh>>,
     mut waiting: Query<(Entity, &Mesh3d, &BakeVisibilityField, &mut BakeProgress)>,
 ) {
-    // Fields that finish in this very frame, held until all their entities have them.
-    let mut finished: HashMap<BakeKey, Handle<VisibilityField>> = HashMap::new();
+    for change in changes.read() {
+        if let AssetEvent::Modified { id } | AssetEvent::Removed { id } = change {
+            bakes.0.retain(|(mesh, ..), _| mesh != id);
+        }
+    }
+    // What ended in this very frame, for all the entities that wait for it.
+    let mut ended: HashMap<BakeKey, Outcome> = HashMap::new();
     for (entity, mesh, request, mut progress) in &mut waiting {
         let key = (mesh.id(), request.settings.entries, request.settings.exits);
-        if let Some(Bake::Finished(id)) = bakes.0.get(&key) {
-            if let Some(handle) = fields.get_strong_handle(*id) {
-                finished.entry(key).or_insert(handle);
-            } else {
-                // All its users are gone, and the field with them.
-                bakes.0.remove(&key);
-            }
-        }
-        let bake = match bakes.0.entry(key) {
-            Entry::Occupied(bake) => bake.into_mut(),
+        let outcome = match ended.entry(key) {
+            Entry::Occupied(outcome) => outcome.get().clone(),
             Entry::Vacant(place) => {
-                // Not loaded yet: ask again next frame.
-                let Some(mesh) = meshes.get(key.0) else { continue };
-                place.insert(start(mesh, key.0.to_string(), request.settings))
+                let outcome = bakes.advance(key, request.settings, &mut progress, &mut fields, &meshes, &server);
+                let Some(outcome) = outcome else { continue };
+                place.insert(outcome).clone()
             }
         };
-        if let Bake::Running { task, rays_done } = bake {
-            progress.0 = rays_done.load(Ordering::Relaxed) as f32 / request.settings.rays().max(1) as f32;
-            match check_ready(task) {
-                None => continue,
-                Some(Ok(field)) => {
-                    let handle = fields.add(VisibilityField(field));
-                    *bake = Bake::Finished(handle.id());
-                    finished.insert(key, handle);
-                }
-                Some(Err(error)) => {
-                    error!("a mesh cannot be baked, it will not occlude: {error}");
-                    *bake = Bake::Failed;
-                }
-            }
-        }
         let mut entity = commands.entity(entity);
-        entity.remove::<(BakeVisibilityField, BakeProgress)>();
-        if let Some(handle) = finished.get(&key) {
-            entity.insert(VisibilityField3d(handle.clone()));
+        entity.try_remove::<(BakeVisibilityField, BakeProgress)>();
+        if let Outcome::Baked(handle) = outcome {
+            entity.try_insert(VisibilityField3d(handle));
+        }
+    }
+}
+
+/// How a bake ended.
+#[derive(Clone)]
+enum Outcome {
+    Baked(Handle<VisibilityField>),
+    /// The reason has been told.
+    Failed,
+}
+
+impl Bakes {
+    /// Starts a bake or looks after it; `None` until it has ended, or while its mesh has yet to load.
+    fn advance(
+        &mut self,
+        key: BakeKey,
+        settings: BakeSettings,
+        progress: &mut BakeProgress,
+        fields: &mut Assets<VisibilityField>,
+        meshes: &Assets<Mesh>,
+        server: &AssetServer,
+    ) -> Option<Outcome> {
+        if let Some(Bake::Finished(id)) = self.0.get(&key) {
+            match fields.get_strong_handle(*id) {
+                Some(handle) => return Some(Outcome::Baked(handle)),
+                // All its users are gone, and the field with them.
+                None => self.0.remove(&key),
+            };
+        }
+        let bake = match self.0.entry(key) {
+            Entry::Occupied(bake) => bake.into_mut(),
+            Entry::Vacant(place) => match meshes.get(key.0) {
+                Some(mesh) => place.insert(start(mesh, key.0.to_string(), settings)),
+                // The asset server has told why.
+                None if server.load_state(key.0).is_failed() => return Some(Outcome::Failed),
+                None => return None,
+            },
+        };
+        let Bake::Running { task, rays_done } = bake else { return None };
+        progress.0 = rays_done.load(Ordering::Relaxed) as f32 / settings.rays().max(1) as f32;
+        match check_ready(task)? {
+            Ok(field) => {
+                let handle = fields.add(VisibilityField(field));
+                *bake = Bake::Finished(handle.id());
+                Some(Outcome::Baked(handle))
+            }
+            Err(error) => {
+                error!("a mesh cannot be baked, it will not occlude: {error}");
+                self.0.remove(&key);
+                Some(Outcome::Failed)
+            }
         }
     }
 }
@@ -130,29 +172,44 @@ fn start(mesh: &Mesh, name: String, settings: BakeSettings) -> Bake {
     Bake::Running { task, rays_done }
 }
 
-/// The positions and triangles of a Bevy mesh; a mesh of another kind becomes one without triangles, which the bake refuses
-/// with a reason.
+/// The positions and triangles of a Bevy mesh. A mesh of another kind, or whose data left the main world, becomes one
+/// without triangles, which the bake refuses with a reason.
 fn to_bake_mesh(mesh: &Mesh, name: String) -> visfield_bake::Mesh {
-    let positions = match mesh.attribute(Mesh::ATTRIBUTE_POSITION) {
-        Some(VertexAttributeValues::Float32x3(positions)) => positions.clone(),
+    let positions = match mesh.try_attribute_option(Mesh::ATTRIBUTE_POSITION) {
+        Ok(Some(VertexAttributeValues::Float32x3(positions))) => positions.clone(),
         _ => Vec::new(),
     };
-    let corners: Vec<u32> = match (mesh.primitive_topology(), mesh.indices()) {
-        (PrimitiveTopology::TriangleList, Some(Indices::U16(indices))) => {
+    let corners: Vec<u32> = match (mesh.primitive_topology(), mesh.try_indices_option()) {
+        (PrimitiveTopology::TriangleList, Ok(Some(Indices::U16(indices)))) => {
             indices.iter().map(|&i| u32::from(i)).collect()
         }
-        (PrimitiveTopology::TriangleList, Some(Indices::U32(indices))) => indices.clone(),
-        (PrimitiveTopology::TriangleList, None) => (0..positions.len() as u32).collect(),
+        (PrimitiveTopology::TriangleList, Ok(Some(Indices::U32(indices)))) => indices.clone(),
+        (PrimitiveTopology::TriangleList, Ok(None)) => (0..positions.len() as u32).collect(),
         _ => Vec::new(),
     };
     let (triangles, _rest) = corners.as_chunks::<3>();
     visfield_bake::Mesh { name, positions, indices: triangles.to_vec() }
 }
 
+/// A mesh that was read for a bake, as Bevy draws it: smooth normals, no texture coordinates. For models in formats that
+/// Bevy does not load itself. The mesh should be [valid](visfield_bake::Mesh::validate).
+///
+/// ```
+/// use bevy::prelude::*;
+/// fn show(mesh: &visfield_bake::Mesh, meshes: &mut Assets<Mesh>) -> Mesh3d {
+///     Mesh3d(meshes.add(bevy_visfield::bake::to_bevy_mesh(mesh)))
+/// }
+/// ```
+pub fn to_bevy_mesh(mesh: &visfield_bake::Mesh) -> Mesh {
+    Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
+        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, mesh.positions.clone())
+        .with_inserted_indices(Indices::U32(mesh.indices.as_flattened().to_vec()))
+        .with_computed_smooth_normals()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bevy::asset::AssetPlugin;
 
     fn app() -> App {
         let mut app = App::new();
@@ -194,7 +251,7 @@ mod tests {
     #[test]
     fn a_mesh_that_cannot_be_baked_is_told_and_left() {
         let mut app = app();
-        let lines = Mesh::new(PrimitiveTopology::LineList, bevy::asset::RenderAssetUsages::default());
+        let lines = Mesh::new(PrimitiveTopology::LineList, RenderAssetUsages::default());
         let mesh = app.world_mut().resource_mut::<Assets<Mesh>>().add(lines);
         let entity = app.world_mut().spawn((Mesh3d(mesh), SMALL)).id();
         run_until_done(&mut app);

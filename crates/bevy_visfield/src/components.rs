@@ -97,7 +97,6 @@ impl FieldOcclusion {
             max_distance: self.max_distance,
             bias: Bias { height: bias.height * scale, along: bias.along * scale },
         }
-        .clamped()
     }
 }
 
@@ -216,7 +215,7 @@ mod tests {
                 let trace = settings.trace_settings();
                 assert!((1..=MAX_RAYS).contains(&trace.ambient_rays));
                 assert!((1..=MAX_RAYS).contains(&trace.shadow_rays));
-                assert!(trace.max_distance >= 0.0);
+                assert!(trace.clamped().max_distance >= 0.0);
                 assert!(trace.bias.height >= 0.0 && trace.bias.along.is_finite());
             }
         }

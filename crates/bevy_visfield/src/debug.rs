@@ -52,6 +52,7 @@ pub(crate) fn plugin(app: &mut App) {
         .init_gpu_resource::<SpecializedRenderPipelines<FieldDebugShader>>()
         .add_systems(RenderStartup, init_shader)
         .add_systems(Render, prepare_pipelines.in_set(RenderSystems::Prepare))
+        // Anti-aliasing may run before or after; it leaves flat grey alone.
         .add_systems(Core3d, show.after(tonemapping).in_set(Core3dSystems::PostProcess));
 }
 

@@ -31,8 +31,9 @@
 //! - Opaque and alpha-masked surfaces receive occlusion. Transparent ones are lit by what lies behind them, as with Bevy's
 //!   own screen-space ambient occlusion.
 //! - Every camera masks the first three directional lights that it sees; others stay unshadowed, with one warning.
+//! - Light that a material lets through (`diffuse_transmission`) is not shadowed by fields.
 //! - [`FieldOcclusion`] takes the place of Bevy's `ScreenSpaceAmbientOcclusion` on its camera, and like it needs
-//!   `Msaa::Off`.
+//!   `Msaa::Off`. Bevy still allocates that effect's textures.
 
 // The code in the README compiles.
 #[cfg(doctest)]
@@ -51,7 +52,9 @@ use bevy::app::{App, Plugin};
 use bevy::asset::AssetApp;
 
 pub use asset::{VisibilityField, VisibilityFieldLoader, VisibilityFieldSet};
-pub use components::{FieldOcclusion, FieldOcclusionQuality, FieldShadows, NotFieldOccluder, VisibilityField3d};
+pub use components::{
+    FieldOcclusion, FieldOcclusionQuality, FieldShadows, NotFieldOccluder, RaysPerPixel, VisibilityField3d,
+};
 pub use debug::FieldDebugView;
 pub use render::{FieldOcclusionFrame, FieldOcclusionSystems, FieldResidency};
 

@@ -1,5 +1,7 @@
 //! From the main world to the render world: cameras and lights with our components, and every occluder's transform.
 
+use bevy::camera::visibility::RenderLayers;
+use bevy::core_pipeline::prepass::{DepthPrepass, NormalPrepass};
 use bevy::ecs::query::QueryItem;
 use bevy::math::Affine3A;
 use bevy::pbr::{ScreenSpaceAmbientOcclusion, ScreenSpaceAmbientOcclusionResources, SsaoBindGroups, SsaoPipelineId};
@@ -13,18 +15,35 @@ use super::prepare::FieldOcclusionFrame;
 use crate::asset::VisibilityField;
 use crate::components::{FieldOcclusion, FieldShadows, NotFieldOccluder, VisibilityField3d};
 
-/// The frame's occluders: which field, and where.
+/// The frame's occluders.
 #[derive(Resource, Default)]
-pub(super) struct ExtractedOccluders(pub(super) Vec<(AssetId<VisibilityField>, Affine3A)>);
+pub(super) struct ExtractedOccluders(pub(super) Vec<ExtractedOccluder>);
+
+/// Which field occludes, where, and for whom.
+pub(super) struct ExtractedOccluder {
+    pub(super) field: AssetId<VisibilityField>,
+    pub(super) world_from_mesh: Affine3A,
+    /// The layers that it is on; a camera that shares none does not see it occlude.
+    pub(super) layers: RenderLayers,
+}
 
 /// Copies what occludes: visible entities with a field. Entities outside the view count, since they cast into it.
 pub(super) fn extract_occluders(
     mut extracted: ResMut<ExtractedOccluders>,
-    occluders: Extract<Query<(&VisibilityField3d, &GlobalTransform, &InheritedVisibility), Without<NotFieldOccluder>>>,
+    occluders: Extract<
+        Query<
+            (&VisibilityField3d, &GlobalTransform, &InheritedVisibility, Option<&RenderLayers>),
+            Without<NotFieldOccluder>,
+        >,
+    >,
 ) {
     extracted.0.clear();
-    let visible = occluders.iter().filter(|(_, _, visibility)| visibility.get());
-    extracted.0.extend(visible.map(|(field, transform, _)| (field.id(), transform.affine())));
+    let visible = occluders.iter().filter(|(_, _, visibility, _)| visibility.get());
+    extracted.0.extend(visible.map(|(field, transform, _, layers)| ExtractedOccluder {
+        field: field.id(),
+        world_from_mesh: transform.affine(),
+        layers: layers.cloned().unwrap_or_default(),
+    }));
 }
 
 impl SyncComponent for FieldOcclusion {
@@ -42,17 +61,25 @@ impl SyncComponent for FieldOcclusion {
 /// Copies the settings of cameras that can show field occlusion, and clears those that no longer can.
 pub(super) fn extract_cameras(
     mut commands: Commands,
-    cameras: Extract<Query<(RenderEntity, &Camera, &Msaa, &FieldOcclusion), With<Camera3d>>>,
+    cameras: Extract<
+        Query<(RenderEntity, &Camera, &Msaa, &FieldOcclusion, Has<DepthPrepass>, Has<NormalPrepass>), With<Camera3d>>,
+    >,
 ) {
-    for (entity, camera, msaa, settings) in &cameras {
+    for (entity, camera, msaa, settings, depth, normals) in &cameras {
         let mut view = commands.entity(entity);
+        if !depth || !normals {
+            warn_once!(
+                "FieldOcclusion needs the DepthPrepass and NormalPrepass that it brought, but one was removed from its \
+                 camera: that camera shows no field occlusion. Insert both again."
+            );
+        }
         if *msaa != Msaa::Off {
             warn_once!(
                 "FieldOcclusion needs Msaa::Off, but its camera has Msaa::{msaa:?}: that camera shows no field occlusion. \
                  Insert Msaa::Off (and an anti-aliasing that works after shading, such as TAA, SMAA or FXAA)."
             );
         }
-        if camera.is_active && *msaa == Msaa::Off {
+        if camera.is_active && *msaa == Msaa::Off && depth && normals {
             // Bevy's component makes its pipelines and bind groups expect an occlusion texture. It is set in the render
             // world only, so that the user's world keeps just what the user put there.
             view.insert((*settings, ScreenSpaceAmbientOcclusion::default()));

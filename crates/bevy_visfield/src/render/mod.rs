@@ -50,12 +50,7 @@ pub(crate) fn plugin(app: &mut App) {
         RenderAssetPlugin::<ResidentField>::default(),
         SyncComponentPlugin::<FieldOcclusion>::default(),
         ExtractComponentPlugin::<FieldShadows>::default(),
-    ))
-    // After the asset events of the frame and before extraction, so that no pipeline is built from the unpatched shader.
-    .add_systems(Last, compose::mask_direct_light);
-    if let Some(render_app) = app.get_sub_app_mut(RenderApp) {
-        render_app.init_gpu_resource::<FieldResidency>();
-    }
+    ));
 }
 
 /// Adds what needs a capable GPU, or warns once and leaves the plugin inert.
@@ -67,6 +62,7 @@ pub(crate) fn finish(app: &mut App) {
         return;
     }
     render_app
+        .init_gpu_resource::<FieldResidency>()
         .init_resource::<extract::ExtractedOccluders>()
         .init_gpu_resource::<OcclusionViews>()
         .add_systems(
@@ -87,6 +83,7 @@ pub(crate) fn finish(app: &mut App) {
                 // Bevy's bind groups are made once more, with our texture in the place of its own.
                 (compose::replace_occlusion_texture, prepare_mesh_view_bind_groups)
                     .chain()
+                    .run_if(any_with_component::<FieldOcclusionFrame>)
                     .in_set(FieldOcclusionSystems::Compose),
             ),
         )
@@ -95,4 +92,6 @@ pub(crate) fn finish(app: &mut App) {
             FieldOcclusionSystems::Trace.after(Core3dSystems::Prepass).before(Core3dSystems::MainPass),
         )
         .add_systems(Core3d, node::field_occlusion.in_set(FieldOcclusionSystems::Trace));
+    // After the asset events of the frame and before extraction, so that no pipeline is built from the unpatched shader.
+    app.add_systems(Last, compose::mask_direct_light);
 }

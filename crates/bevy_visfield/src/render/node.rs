@@ -25,9 +25,15 @@ impl FromWorld for OcclusionViews {
     }
 }
 
+impl OcclusionViews {
+    /// Drops what cameras kept that no longer show occlusion.
+    pub(super) fn retain(&mut self, mut shows: impl FnMut(Entity) -> bool) {
+        self.views.retain(|camera, _| shows(*camera));
+    }
+}
+
 pub(super) fn field_occlusion(
     view: ViewQuery<(&FieldOcclusionFrame, &ViewPrepassTextures)>,
-    frames: Query<(), With<FieldOcclusionFrame>>,
     residency: Res<FieldResidency>,
     queue: Res<RenderQueue>,
     mut views: ResMut<OcclusionViews>,
@@ -42,7 +48,6 @@ pub(super) fn field_occlusion(
     let time_span = diagnostics.time_span(context.command_encoder(), "field_occlusion");
 
     let OcclusionViews { passes, views } = &mut *views;
-    views.retain(|entity, _| frames.contains(*entity));
     passes.encode(
         device.wgpu_device(),
         &queue,

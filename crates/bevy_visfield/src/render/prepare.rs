@@ -16,14 +16,23 @@ use visfield::gpu::OUTPUT_FORMAT;
 use visfield::gpu::layout::InstanceData;
 use visfield::scene::Placement;
 
-use super::extract::ExtractedOccluders;
+use super::extract::{ExtractedOccluder, ExtractedOccluders};
+use super::node::OcclusionViews;
 use super::residency::FieldResidency;
 use crate::components::{FieldOcclusion, FieldShadows};
 
-/// One camera's frame, on its view in the render world.
+/// One camera's frame, on its view in the render world, for passes of your own that read the occlusion texture.
+///
+/// ```
+/// use bevy::{prelude::*, render::renderer::ViewQuery};
+/// use bevy_visfield::FieldOcclusionFrame;
+/// fn my_pass(view: ViewQuery<&FieldOcclusionFrame>) {
+///     let _occlusion = &view.into_inner().output.default_view;
+/// }
+/// ```
 #[derive(Component)]
 pub struct FieldOcclusionFrame {
-    /// What the node fills, as large as the camera's target.
+    /// What the node fills, as large as the camera's target; see [`OUTPUT_FORMAT`] for its channels.
     pub output: CachedTexture,
     /// First pixel and size of the camera's viewport.
     pub(super) viewport: (UVec2, UVec2),
@@ -38,6 +47,7 @@ pub(super) fn prepare_frames(
     mut commands: Commands,
     device: Res<RenderDevice>,
     mut texture_cache: ResMut<TextureCache>,
+    mut kept: ResMut<OcclusionViews>,
     residency: Res<FieldResidency>,
     occluders: Res<ExtractedOccluders>,
     lights: Query<(Entity, &ExtractedDirectionalLight, Option<&RenderLayers>, Option<&FieldShadows>)>,
@@ -51,6 +61,7 @@ pub(super) fn prepare_frames(
         Option<&MainPassResolutionOverride>,
     )>,
 ) {
+    kept.retain(|camera| views.contains(camera));
     for (entity, view, camera, settings, layers, jitter, resolution) in &views {
         let Some(target_size) = camera.physical_target_size else { continue };
         let output = texture_cache.get(
@@ -72,7 +83,7 @@ pub(super) fn prepare_frames(
             output,
             viewport: (view.viewport.xy(), viewport_size),
             world_from_clip: relative_world_from_clip(view, jitter, viewport_size),
-            instances: place_occluders(&residency, &occluders, camera_position),
+            instances: place_occluders(&residency, &occluders, layers.unwrap_or_default(), camera_position),
             lights: masked_lights(&lights, layers.unwrap_or_default()),
             settings: settings.trace_settings(),
         });
@@ -92,19 +103,22 @@ fn relative_world_from_clip(view: &ExtractedView, jitter: Option<&TemporalJitter
 fn place_occluders(
     residency: &FieldResidency,
     occluders: &ExtractedOccluders,
+    camera_layers: &RenderLayers,
     camera_position: DVec3,
 ) -> Vec<InstanceData> {
-    let place = |(id, transform): &(AssetId<_>, Affine3A)| {
-        let slot = residency.slot(*id)?;
-        let placement = Placement::new(slot.bounds(), in_double_precision(transform), camera_position);
+    let place = |occluder: &ExtractedOccluder| {
+        let slot = residency.slot(occluder.field)?;
+        let world_from_mesh = in_double_precision(&occluder.world_from_mesh);
+        let placement = Placement::new(slot.bounds(), world_from_mesh, camera_position);
         if placement.is_none() {
             warn_once!(
-                "a visibility field's transform is singular or not finite ({transform}): such objects do not occlude"
+                "a visibility field's transform is singular or not finite ({}): such objects do not occlude",
+                occluder.world_from_mesh
             );
         }
         Some(InstanceData::new(slot, &placement?))
     };
-    occluders.0.iter().filter_map(place).collect()
+    occluders.0.iter().filter(|occluder| occluder.layers.intersects(camera_layers)).filter_map(place).collect()
 }
 
 fn in_double_precision(transform: &Affine3A) -> DAffine3 {

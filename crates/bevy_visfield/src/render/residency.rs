@@ -1,6 +1,6 @@
 //! Which fields are on the GPU. A field is uploaded when its asset arrives or changes, once for all its instances.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use bevy::ecs::system::{
     SystemParamItem,
@@ -28,11 +28,14 @@ use crate::asset::VisibilityField;
 pub struct FieldResidency {
     pool: FieldPool,
     slots: HashMap<AssetId<VisibilityField>, FieldSlot>,
+    /// Fields that found no room, and were told of.
+    refused: HashSet<AssetId<VisibilityField>>,
 }
 
 impl FromWorld for FieldResidency {
     fn from_world(world: &mut World) -> Self {
-        Self { pool: FieldPool::new(world.resource::<RenderDevice>().wgpu_device()), slots: HashMap::new() }
+        let pool = FieldPool::new(world.resource::<RenderDevice>().wgpu_device());
+        Self { pool, slots: HashMap::new(), refused: HashSet::new() }
     }
 }
 
@@ -51,6 +54,7 @@ impl FieldResidency {
     }
 
     fn remove(&mut self, id: AssetId<VisibilityField>) {
+        self.refused.remove(&id);
         if let Some(slot) = self.slots.remove(&id) {
             self.pool.remove(slot);
         }
@@ -62,7 +66,8 @@ pub(super) struct ResidentField;
 
 impl RenderAsset for ResidentField {
     type SourceAsset = VisibilityField;
-    type Param = (SRes<RenderDevice>, SRes<RenderQueue>, SResMut<FieldResidency>);
+    // No residency: the GPU lacks a capability, and the plugin is inert.
+    type Param = (SRes<RenderDevice>, SRes<RenderQueue>, Option<SResMut<FieldResidency>>);
 
     fn byte_len(field: &VisibilityField) -> Option<usize> {
         Some(field.table().len())
@@ -74,17 +79,32 @@ impl RenderAsset for ResidentField {
         (device, queue, residency): &mut SystemParamItem<Self::Param>,
         _previous: Option<&Self>,
     ) -> Result<Self, PrepareAssetError<VisibilityField>> {
-        residency.remove(id);
+        let Some(residency) = residency else { return Ok(Self) };
+        // A field that changed must not occlude as it was, so its old table goes first and leaves its room.
+        if let Some(old) = residency.slots.remove(&id) {
+            residency.pool.remove(old);
+        }
         match residency.pool.insert(device.wgpu_device(), queue, &field) {
             Ok(slot) => {
                 residency.slots.insert(id, slot);
+                residency.refused.remove(&id);
+                Ok(Self)
             }
-            Err(error) => error!("visibility field `{}` will not occlude: {error}", field.header().name),
+            Err(error) => {
+                if residency.refused.insert(id) {
+                    error!(
+                        "visibility field `{}` does not occlude while there is no room: {error}",
+                        field.header().name
+                    );
+                }
+                Err(PrepareAssetError::RetryNextUpdate(field))
+            }
         }
-        Ok(Self)
     }
 
     fn unload_asset(id: AssetId<VisibilityField>, (_, _, residency): &mut SystemParamItem<Self::Param>) {
-        residency.remove(id);
+        if let Some(residency) = residency {
+            residency.remove(id);
+        }
     }
 }
