@@ -123,11 +123,18 @@ impl HeadlessApp {
     }
 }
 
+/// # Panics
+/// If an asset failed to load: it will not arrive.
 fn assets_arrived(app: &mut App) -> bool {
     use bevy_visfield::prelude::{VisibilityField, VisibilityField3d};
     let world = app.world_mut();
     let meshes: Vec<_> = world.query::<&Mesh3d>().iter(world).map(|mesh| mesh.id()).collect();
     let fields: Vec<_> = world.query::<&VisibilityField3d>().iter(world).map(|field| field.id()).collect();
+    let server = world.resource::<AssetServer>();
+    let mesh_ids = meshes.iter().map(|id| id.untyped());
+    let mut all = mesh_ids.chain(fields.iter().map(|id| id.untyped()));
+    let failed = all.find(|id| server.load_state(*id).is_failed());
+    assert!(failed.is_none(), "asset {failed:?} failed to load");
     let have_meshes = world.resource::<Assets<Mesh>>();
     let have_fields = world.get_resource::<Assets<VisibilityField>>();
     meshes.iter().all(|id| have_meshes.contains(*id))

@@ -1,7 +1,8 @@
 //! The picture: what must darken darkens, what must not change does not.
 
 use bevy::camera::Viewport;
-use bevy::core_pipeline::prepass::DeferredPrepass;
+use bevy::camera::visibility::RenderLayers;
+use bevy::core_pipeline::prepass::{DeferredPrepass, NormalPrepass};
 use bevy::core_pipeline::tonemapping::DebandDither;
 use bevy::light::GlobalAmbientLight;
 use bevy::pbr::DefaultOpaqueRendererMethod;
@@ -288,4 +289,36 @@ fn a_viewport_shows_what_a_picture_of_its_own_would() {
     let in_viewport = image::imageops::crop_imm(&picture, half.x, 0, half.x, half.y).to_image();
     let difference = largest_difference(&in_viewport, &own_picture);
     assert!(difference <= 1, "{difference}/255 apart");
+}
+
+#[test]
+fn cameras_see_occluders_of_their_own_layers_only() {
+    if !adapter::available() {
+        return;
+    }
+    let mut stage = Stage::new(Shading::Forward);
+    let (ball, camera) = (stage.ball, stage.camera);
+    let beside = stage.pixel_of(BESIDE);
+    let same_layer = stage.picture();
+    stage.entity(ball).insert(RenderLayers::layer(1));
+    let other_layer = stage.picture();
+    assert!(brightness(&other_layer, beside) > brightness(&same_layer, beside) + 4);
+    stage.entity(camera).insert(RenderLayers::from_layers(&[0, 1]));
+    assert_eq!(largest_difference(&stage.picture(), &same_layer), 0);
+}
+
+#[test]
+fn a_camera_that_loses_its_prepass_shows_bevys_own_picture() {
+    if !adapter::available() {
+        return;
+    }
+    let mut stage = Stage::new(Shading::Forward);
+    let camera = stage.camera;
+    let with_occlusion = stage.picture();
+    stage.entity(camera).remove::<NormalPrepass>();
+    let without_prepass = stage.picture();
+    stage.entity(camera).insert(NormalPrepass);
+    assert_eq!(largest_difference(&stage.picture(), &with_occlusion), 0);
+    stage.entity(camera).remove::<FieldOcclusion>();
+    assert!(largest_difference(&stage.picture(), &without_prepass) <= 1);
 }

@@ -157,6 +157,8 @@ fn the_frame_is_near_exact_rays() {
         }
         for (estimator, errors) in ["ambient occlusion", "sun visibility"].iter().zip(&errors) {
             assert!(errors[0].mean() <= 0.02, "{estimator}: {}", errors[0].mean());
+            // Small objects at a low resolution: the filter's width shows, and the table's in self-shadowing.
+            assert!(errors[2].mean() <= 0.065, "{estimator} on objects: {}", errors[2].mean());
         }
     }
 }

@@ -11,6 +11,7 @@
 //!
 //! Files are untrusted: every length is checked against the bytes that are there before anything is allocated for it.
 
+use std::collections::HashSet;
 use std::fs;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
@@ -75,15 +76,21 @@ pub enum DecodeError {
     #[error("the index cannot be read: {0}")]
     Index(#[from] serde_json::Error),
     /// A field's header is out of range, or its table has another length.
-    #[error("field `{name}`: {source}")]
+    #[error("field {name:?}: {source}")]
     Field {
         /// The field's name.
         name: String,
         /// What is wrong with it.
         source: FieldError,
     },
-    /// A table does not decompress to the length that its header says.
-    #[error("the table of field `{name}` does not decompress to its {expected} bytes; bake the mesh again")]
+    /// Two fields have the same name.
+    #[error("two fields are named {name:?}; bake the mesh again")]
+    Duplicate {
+        /// The name.
+        name: String,
+    },
+    /// A table does not decompress to the length that its header says, or that length cannot be allocated.
+    #[error("the table of field {name:?} does not decompress to its {expected} bytes; bake the mesh again")]
     Table {
         /// The field's name.
         name: String,
@@ -156,8 +163,8 @@ pub fn encode(fields: &[VisibilityField]) -> Vec<u8> {
 /// Decodes a file's fields.
 ///
 /// # Errors
-/// [`DecodeError`] for anything that [`encode`] would not have written. Hostile bytes neither panic nor allocate more than
-/// [their size justifies](MAX_INDEX_BYTES).
+/// [`DecodeError`] for anything that is not such a file, whole and undamaged. Hostile bytes neither panic nor allocate more
+/// than their size justifies: an index up to [`MAX_INDEX_BYTES`], and per table what deflate can make of its bytes.
 pub fn decode(bytes: &[u8]) -> Result<Vec<VisibilityField>, DecodeError> {
     let mut rest = bytes;
     if take(&mut rest, 8, "magic").map_err(|_| DecodeError::NotAField)? != MAGIC {
@@ -181,6 +188,10 @@ pub fn decode(bytes: &[u8]) -> Result<Vec<VisibilityField>, DecodeError> {
         Err(_) if damaged => return Err(DecodeError::Checksum),
         Err(error) => return Err(error.into()),
     };
+    let mut names = HashSet::new();
+    if let Some(twice) = entries.iter().find(|entry| !names.insert(&entry.header.name)) {
+        return Err(DecodeError::Duplicate { name: twice.header.name.clone() });
+    }
     let tables =
         entries.iter().map(|entry| take(&mut rest, entry.compressed_bytes, "tables")).collect::<Result<Vec<_>, _>>()?;
     if !rest.is_empty() {
@@ -230,10 +241,13 @@ fn decode_field(header: FieldHeader, compressed: &[u8]) -> Result<VisibilityFiel
     if expected > compressed.len() as u64 * MAX_EXPANSION {
         return Err(wrong_table());
     }
-    let mut table = Vec::with_capacity(expected as usize);
+    let mut table = Vec::new();
+    table.try_reserve_exact(expected as usize).map_err(|_| wrong_table())?;
     // One byte more than expected, so that a longer stream shows.
-    ZlibDecoder::new(compressed).take(expected + 1).read_to_end(&mut table).map_err(|_| wrong_table())?;
-    if table.len() as u64 != expected {
+    let mut stream = ZlibDecoder::new(compressed).take(expected + 1);
+    stream.read_to_end(&mut table).map_err(|_| wrong_table())?;
+    let read_to_its_end = stream.into_inner().total_in() == compressed.len() as u64;
+    if table.len() as u64 != expected || !read_to_its_end {
         return Err(wrong_table());
     }
     VisibilityField::new(header.clone(), table).map_err(in_field)
@@ -265,7 +279,15 @@ mod tests {
     use crate::field::{Representation, ball_field};
 
     fn sample() -> Vec<u8> {
-        encode(&[ball_field(0.5, 9, 8), ball_field(0.25, 5, 4)])
+        encode(&two_fields())
+    }
+
+    fn two_fields() -> [VisibilityField; 2] {
+        let named = |name: &str, field: VisibilityField| {
+            let header = FieldHeader { name: name.to_owned(), ..field.header().clone() };
+            VisibilityField::new(header, field.table().to_vec()).unwrap()
+        };
+        [named("Mesh0/Primitive0", ball_field(0.5, 9, 8)), named("Mesh1/Primitive0", ball_field(0.25, 5, 4))]
     }
 
     /// Writes `index` as JSON and `payload` behind it, with a right checksum: a forger can compute one too.
@@ -283,7 +305,7 @@ mod tests {
     fn round_trip_on_disk() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("two.vfield");
-        let fields = [ball_field(0.5, 9, 8), ball_field(0.25, 5, 4)];
+        let fields = two_fields();
         write(&path, &fields).unwrap();
         assert_eq!(read(&path).unwrap(), fields);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file stays behind");
@@ -350,6 +372,11 @@ mod tests {
         for (entries, exits, radius) in [(0, 2, "1"), (100_000, 2, "1"), (2, 2, "0"), (2, 2, "-1")] {
             assert!(matches!(decode_forged(entries, exits, radius), Err(DecodeError::Field { .. })));
         }
+        let padded = [&zeros[..], &[0; 4]].concat();
+        let longer_stream = decode(&forge(&entry(2, 2, "1", padded.len()), &padded));
+        assert!(matches!(longer_stream, Err(DecodeError::Table { .. })), "bytes after the stream");
+        let twice = encode(&[ball_field(0.5, 3, 3), ball_field(0.5, 3, 3)]);
+        assert!(matches!(decode(&twice), Err(DecodeError::Duplicate { .. })));
         assert!(decode_forged(2, 2, "1e999").is_err(), "infinite radius");
         let past_end = entry(2, 2, "1", usize::MAX);
         assert!(matches!(decode(&forge(&past_end, &zeros)), Err(DecodeError::Truncated { .. })));

@@ -6,7 +6,13 @@ use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3, vec3};
 
 use crate::field::{BoundingSphere, VisibilityField};
 
-/// Which of a [`Scene`]'s fields an instance uses.
+/// Which of a [`Scene`]'s fields an instance uses; [`Scene::add_field`] gives it.
+///
+/// ```
+/// # let (a, b) = (visfield::field::example_field(), visfield::field::example_field());
+/// let mut scene = visfield::scene::Scene::default();
+/// assert_ne!(scene.add_field(a), scene.add_field(b));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct FieldId(usize);
 

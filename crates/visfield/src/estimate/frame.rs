@@ -92,7 +92,8 @@ impl FrameLight {
     }
 }
 
-/// A surface point of the frame, relative to the camera; depth 0 (infinity, reversed z) means there is none.
+/// A surface point of the frame, relative to the camera; depth 0 (infinity, reversed z) means there is none. See
+/// [`trace`] for an example.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameReceiver {
     /// Where it is, relative to the camera.
@@ -103,7 +104,7 @@ pub struct FrameReceiver {
     pub depth: f32,
 }
 
-/// A frame's depth and normals, and where they lie.
+/// A frame's depth and normals, and where they lie. See [`trace`] for an example.
 #[derive(Clone, Debug)]
 pub struct GeometryBuffer {
     /// From clip space to the world relative to the camera.

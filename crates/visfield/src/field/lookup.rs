@@ -6,6 +6,12 @@ use super::chord::Chord;
 use super::octahedral::{octahedral_cell, octahedral_direction};
 
 /// The sides of a two-point table's grids: `entries`² × `exits`² cells.
+///
+/// ```
+/// use visfield::field::lookup::{TableShape, table_index};
+/// let shape = TableShape { entries: 65, exits: 32 };
+/// assert_eq!(table_index(shape, 2, 5), 2 * 32 * 32 + 5);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TableShape {
     /// Side of the grid of chord entries.
@@ -17,6 +23,15 @@ pub struct TableShape {
 /// One table entry, and the line it is read along: a hit at fraction `s` lies `s · length − before` past the aim point.
 ///
 /// Lengths are in field space (bounding radii).
+///
+/// ```
+/// use glam::vec3;
+/// use visfield::field::{chord::chord, lookup::{TableShape, forward_lookup}};
+/// let direction = vec3(1.0, 0.0, 0.0);
+/// let c = chord(vec3(-3.0, 0.0, 0.0), direction).unwrap();
+/// let lookup = forward_lookup(TableShape { entries: 65, exits: 32 }, direction, &c);
+/// assert!((lookup.before - 1.0).abs() < 0.05 && (lookup.length - 2.0).abs() < 0.05);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lookup {
     /// Position in the table.

@@ -151,18 +151,10 @@ impl OcclusionPasses {
         let settings = inputs.settings.clamped();
         let count = inputs.instances.len() as u32;
         let uniform = FrameUniform::new(inputs.world_from_clip, inputs.viewport, count, inputs.lights, &settings);
-        let frame = view.frame(device);
+        let Prepared { frame, instances, samples, intermediate } =
+            view.prepare(device, queue, &settings, inputs.instances.len(), size);
         queue.write_buffer(frame, 0, bytemuck::bytes_of(&uniform));
-        let instances = view.instances(device, inputs.instances.len());
         queue.write_buffer(instances, 0, bytemuck::cast_slice(inputs.instances));
-        view.prepare_samples(device, queue, &settings);
-        view.prepare_intermediate(device, size);
-
-        let (Some(frame), Some(instances), Some((samples, _)), Some(intermediate)) =
-            (&view.frame, &view.instances, &view.samples, &view.intermediate)
-        else {
-            unreachable!("all four were prepared above")
-        };
         let [noisy, rows] = intermediate.each_ref().map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
         let texture = wgpu::BindingResource::TextureView;
         let trace_bindings = [
@@ -192,56 +184,70 @@ impl OcclusionPasses {
     }
 }
 
+/// A view's resources, fit for a frame.
+struct Prepared<'a> {
+    frame: &'a wgpu::Buffer,
+    instances: &'a wgpu::Buffer,
+    samples: &'a wgpu::Buffer,
+    intermediate: &'a [wgpu::Texture; 2],
+}
+
 impl OcclusionView {
-    fn frame(&mut self, device: &wgpu::Device) -> &wgpu::Buffer {
-        self.frame.get_or_insert_with(|| {
-            create_buffer(device, "field occlusion frame", size_of::<FrameUniform>(), wgpu::BufferUsages::UNIFORM)
-        })
-    }
-
-    /// A buffer with room for at least `count` instances.
-    fn instances(&mut self, device: &wgpu::Device, count: usize) -> &wgpu::Buffer {
+    /// Makes what is missing or no longer fits.
+    fn prepare(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        settings: &TraceSettings,
+        instance_count: usize,
+        size: UVec2,
+    ) -> Prepared<'_> {
+        let instance_bytes = |count: usize| (size_of::<InstanceData>() * count) as u64;
         // Never empty: a binding needs at least one element.
-        let needed = size_of::<InstanceData>() * count.max(1);
-        if self.instances.as_ref().is_some_and(|buffer| buffer.size() < needed as u64) {
-            self.instances = None;
-        }
-        self.instances.get_or_insert_with(|| {
-            let roomy = size_of::<InstanceData>() * count.max(1).next_power_of_two();
-            create_buffer(device, "field occlusion instances", roomy, wgpu::BufferUsages::STORAGE)
-        })
-    }
-
-    fn prepare_samples(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, settings: &TraceSettings) {
+        let needed = instance_count.max(1);
+        self.instances.take_if(|buffer| buffer.size() < instance_bytes(needed));
         let rays = [settings.ambient_rays, settings.shadow_rays];
-        if self.samples.as_ref().is_some_and(|(_, made_for)| *made_for == rays) {
-            return;
-        }
-        let data = sample_data(settings);
-        let bytes = size_of::<[f32; 4]>() * data.len().max(1);
-        let buffer = create_buffer(device, "field occlusion samples", bytes, wgpu::BufferUsages::STORAGE);
-        queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&data));
-        self.samples = Some((buffer, rays));
-    }
+        self.samples.take_if(|(_, made_for)| *made_for != rays);
+        self.intermediate.take_if(|[noisy, _]| (noisy.width(), noisy.height()) != (size.x, size.y));
 
-    fn prepare_intermediate(&mut self, device: &wgpu::Device, size: UVec2) {
-        let fits = |[noisy, _]: &[wgpu::Texture; 2]| (noisy.width(), noisy.height()) == (size.x, size.y);
-        if self.intermediate.as_ref().is_some_and(fits) {
-            return;
+        let storage = wgpu::BufferUsages::STORAGE;
+        Prepared {
+            frame: self.frame.get_or_insert_with(|| {
+                let bytes = size_of::<FrameUniform>() as u64;
+                create_buffer(device, "field occlusion frame", bytes, wgpu::BufferUsages::UNIFORM)
+            }),
+            instances: self.instances.get_or_insert_with(|| {
+                let bytes = instance_bytes(needed.next_power_of_two());
+                create_buffer(device, "field occlusion instances", bytes, storage)
+            }),
+            samples: &self
+                .samples
+                .get_or_insert_with(|| {
+                    let data = sample_data(settings);
+                    let bytes = size_of::<[f32; 4]>() * data.len().max(1);
+                    let buffer = create_buffer(device, "field occlusion samples", bytes as u64, storage);
+                    queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&data));
+                    (buffer, rays)
+                })
+                .0,
+            intermediate: self.intermediate.get_or_insert_with(|| {
+                ["field occlusion, noisy", "field occlusion, rows"].map(|label| create_texture(device, label, size))
+            }),
         }
-        self.intermediate = Some(["field occlusion, noisy", "field occlusion, rows"].map(|label| {
-            device.create_texture(&wgpu::TextureDescriptor {
-                label: Some(label),
-                size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: OUTPUT_FORMAT,
-                usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING,
-                view_formats: &[],
-            })
-        }));
     }
+}
+
+fn create_texture(device: &wgpu::Device, label: &str, size: UVec2) -> wgpu::Texture {
+    device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: OUTPUT_FORMAT,
+        usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING,
+        view_formats: &[],
+    })
 }
 
 fn bind_in_order(
@@ -259,10 +265,10 @@ fn bind_in_order(
     device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout: &layout, entries: &entries })
 }
 
-fn create_buffer(device: &wgpu::Device, label: &str, bytes: usize, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+fn create_buffer(device: &wgpu::Device, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
     device.create_buffer(&wgpu::BufferDescriptor {
         label: Some(label),
-        size: bytes as u64,
+        size: bytes,
         usage: usage | wgpu::BufferUsages::COPY_DST,
         mapped_at_creation: false,
     })

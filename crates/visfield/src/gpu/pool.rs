@@ -50,7 +50,7 @@ impl FieldSlot {
     }
 }
 
-/// What a pool has done, to see that a field is uploaded once however many instances use it.
+/// What a [`FieldPool`] has done, to see that a field is uploaded once however many instances use it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PoolStatistics {
     /// Fields uploaded so far.

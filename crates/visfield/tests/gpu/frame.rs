@@ -9,10 +9,13 @@ use visfield::scene::Placement;
 
 use super::device::{device, read_buffer};
 
+/// The viewport, and where it lies in larger textures.
 const SIZE: UVec2 = uvec2(48, 40);
+const ORIGIN: UVec2 = uvec2(8, 4);
+const TARGET: UVec2 = uvec2(64, 48);
 const NEAR: f32 = 0.1;
 
-/// A camera above a ground plane with a step in it (an edge that the denoiser must keep) and sky at the top.
+/// A camera above a ground plane with a step in it and a crease (edges that the denoiser must keep) and sky at the top.
 fn geometry() -> GeometryBuffer {
     let projection = Mat4::perspective_infinite_reverse_rh(1.0, SIZE.x as f32 / SIZE.y as f32, NEAR);
     let world_from_view = Mat4::look_to_rh(Vec3::ZERO, vec3(0.0, -0.6, -0.8), Vec3::Y).inverse();
@@ -28,6 +31,9 @@ fn geometry() -> GeometryBuffer {
         let hit = along * (height / along.y);
         let view_depth = world_from_view.inverse().transform_point3(hit).z;
         let visible = along.y < -0.05;
+        if pixel.x > 36 {
+            geometry.normals[(pixel.y * SIZE.x + pixel.x) as usize] = vec3(-0.8, 0.6, 0.0);
+        }
         geometry.depth.push(if visible { NEAR / -view_depth } else { 0.0 });
     }
     geometry
@@ -36,7 +42,7 @@ fn geometry() -> GeometryBuffer {
 fn texture(device: &wgpu::Device, format: wgpu::TextureFormat, usage: wgpu::TextureUsages) -> wgpu::Texture {
     device.create_texture(&wgpu::TextureDescriptor {
         label: None,
-        size: wgpu::Extent3d { width: SIZE.x, height: SIZE.y, depth_or_array_layers: 1 },
+        size: wgpu::Extent3d { width: TARGET.x, height: TARGET.y, depth_or_array_layers: 1 },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
@@ -129,18 +135,21 @@ fn depth_texture(device: &wgpu::Device, queue: &wgpu::Queue, depth: &[f32]) -> w
 
 fn upload(queue: &wgpu::Queue, texture: &wgpu::Texture, data: &[u8], bytes_per_texel: u32) {
     queue.write_texture(
-        texture.as_image_copy(),
+        wgpu::TexelCopyTextureInfo {
+            origin: wgpu::Origin3d { x: ORIGIN.x, y: ORIGIN.y, z: 0 },
+            ..texture.as_image_copy()
+        },
         data,
         wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(SIZE.x * bytes_per_texel), rows_per_image: None },
-        texture.size(),
+        wgpu::Extent3d { width: SIZE.x, height: SIZE.y, depth_or_array_layers: 1 },
     );
 }
 
 fn read_rgba16(device: &wgpu::Device, queue: &wgpu::Queue, texture: &wgpu::Texture) -> Vec<Vec4> {
-    let row = (SIZE.x * 8).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+    let row = (TARGET.x * 8).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
     let buffer = device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
-        size: u64::from(row * SIZE.y),
+        size: u64::from(row * TARGET.y),
         usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
         mapped_at_creation: false,
     });
@@ -157,7 +166,8 @@ fn read_rgba16(device: &wgpu::Device, queue: &wgpu::Queue, texture: &wgpu::Textu
     let bytes = read_buffer(device, queue, &buffer, buffer.size());
     let half = |bytes: &[u8]| half::f16::from_le_bytes([bytes[0], bytes[1]]).to_f32();
     let texel = |bytes: &[u8]| Vec4::from_array(std::array::from_fn(|i| half(&bytes[i * 2..])));
-    bytes.chunks(row as usize).flat_map(|line| line[..SIZE.x as usize * 8].chunks(8).map(texel)).collect()
+    let lines = bytes.chunks(row as usize).skip(ORIGIN.y as usize).take(SIZE.y as usize);
+    lines.flat_map(|line| line[ORIGIN.x as usize * 8..][..SIZE.x as usize * 8].chunks(8).map(texel)).collect()
 }
 
 #[test]
@@ -181,7 +191,8 @@ fn the_passes_compute_what_their_twins_compute() {
         place(1, squeezed),
         place(1, DAffine3::from_translation(dvec3(0.2, -1.5, -2.0))),
     ];
-    let lights = [FrameLight::new(2, vec3(0.5, 1.0, 0.3).normalize(), 0.1), FrameLight::new(0, Vec3::Y, 0.02)];
+    // A wide one, whose disc dips below the horizon of the tilted part, and a narrow one.
+    let lights = [FrameLight::new(2, vec3(0.5, 1.0, 0.3).normalize(), 0.9), FrameLight::new(0, Vec3::Y, 0.02)];
     let settings = TraceSettings { ambient_rays: 5, shadow_rays: 3, max_distance: 2.5, ..TraceSettings::default() };
 
     let instances: Vec<_> = placements.iter().map(|(p, field)| InstanceData::new(&slots[*field], p)).collect();
@@ -209,7 +220,7 @@ fn the_passes_compute_what_their_twins_compute() {
             depth: &view_of(&depth_texture),
             normals: &view_of(&normal_texture),
             output: &view_of(&output),
-            viewport: (UVec2::ZERO, SIZE),
+            viewport: (ORIGIN, SIZE),
             world_from_clip: geometry.world_from_clip,
             instances: &instances,
             lights: &lights,

@@ -8,7 +8,6 @@ use proptest::test_runner::TestRunner;
 use visfield::field::ball_field;
 use visfield::field::chord::chord;
 use visfield::field::lookup::{TableShape, forward_lookup, reversed_lookup};
-use visfield::field::octahedral::{cell_width, octahedral_direction};
 use visfield::field::query::Bias;
 
 use super::device::{buffer_with, device, read_buffer};
@@ -101,12 +100,19 @@ fn on_gpu(device: &wgpu::Device, queue: &wgpu::Queue, table: &[u8], probes: &[Pr
     bytemuck::pod_collect_to_vec(&bytes)
 }
 
-/// Whether two table positions are of the same or of adjacent cells, at both ends of the chord.
+/// Whether two table positions are of the same or of touching cells, at both ends of the chord.
 fn at_most_one_cell_away(a: u32, b: u32) -> bool {
     let exits = SHAPE.exits * SHAPE.exits;
     let near = |a: u32, b: u32, side: u32| {
-        // Octahedral cells are at most some 1.7 mean widths from centre to centre along a diagonal.
-        octahedral_direction(a, side).distance(octahedral_direction(b, side)) < 3.0 * cell_width(side)
+        let touch = |x: u32, y: u32| (x % side).abs_diff(y % side) <= 1 && (x / side).abs_diff(y / side) <= 1;
+        // The map folds the square's edge onto itself: cells that touch there are mirrored along it.
+        let last = side - 1;
+        let mirrored = |cell: u32| match (cell % side, cell / side) {
+            (x, y) if x == 0 || x == last => (last - y) * side + x,
+            (x, y) if y == 0 || y == last => y * side + last - x,
+            _ => cell,
+        };
+        touch(a, b) || touch(mirrored(a), b)
     };
     a != NONE && b != NONE && near(a / exits, b / exits, SHAPE.entries) && near(a % exits, b % exits, SHAPE.exits)
 }
@@ -144,8 +150,8 @@ fn the_shader_picks_the_same_table_entries_as_its_twin() {
         let occluded = field.occluded(origin, direction, probe.t_max, Vec3::from(probe.normal), bias);
         different_hits += usize::from(occluded != (answer.occluded == 1));
     }
-    println!("{different} of {} indices and {different_hits} of {RAYS} hits differ; {meeting} rays meet", 2 * RAYS);
-    assert!(meeting > RAYS / 2, "only {meeting} rays meet the sphere");
-    assert!(different <= 2 * RAYS / 10_000, "{different} of {} indices differ", 2 * RAYS);
-    assert!(different_hits <= RAYS / 2_000, "{different_hits} of {RAYS} hits differ");
+    println!("{different} of {} indices and {different_hits} of {RAYS} hits differ; {meeting} rays meet", 2 * meeting);
+    assert!(meeting > RAYS * 9 / 10, "only {meeting} rays meet the sphere");
+    assert!(different <= 2 * meeting / 10_000, "{different} of {} indices differ", 2 * meeting);
+    assert!(different_hits <= RAYS / 10_000, "{different_hits} of {RAYS} hits differ");
 }
