@@ -68,7 +68,8 @@ pub struct FieldOcclusion {
     /// Whether ambient light is occluded. Shadows of lights with [`FieldShadows`] do not depend on it.
     pub ambient_occlusion: bool,
     /// Ambient occlusion ignores surfaces beyond this distance, in world units, 0 to infinity (the default). A finite
-    /// distance is cheaper in large scenes.
+    /// distance is cheaper in large scenes. Below the size of an object it loses occlusion of that object on itself: a table
+    /// knows the ends of a line, not what lies between.
     pub max_distance: f32,
     /// Scales how far an occluder must rise above the plane of a receiver to count, 1 by default: a small part of a cell of
     /// its table. Raise it if surfaces shadow themselves; lower it if fine creases are lost.

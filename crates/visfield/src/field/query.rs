@@ -54,10 +54,6 @@ impl Default for Bias {
     }
 }
 
-/// An origin this many entry cells outside the sphere, or nearer, may still lie on the mesh: rounding puts a vertex that
-/// touches the bounding sphere on either side of it.
-const NEAR_SPHERE: f32 = 1.0;
-
 /// Half a step of the chord fraction.
 const HALF_QUANTUM: f32 = 0.5 / 254.0;
 
@@ -65,13 +61,6 @@ const HALF_QUANTUM: f32 = 0.5 / 254.0;
 #[inline]
 fn exit_spread(exits: u32, before: f32, length: f32) -> f32 {
     cell_width(exits) * before / length.max(f32::MIN_POSITIVE)
-}
-
-/// The first hit of a line: its ray parameter, and where it was read.
-struct ForwardHit {
-    t: f32,
-    lookup: Lookup,
-    fraction: f32,
 }
 
 impl VisibilityField {
@@ -85,7 +74,7 @@ impl VisibilityField {
     /// ```
     #[inline]
     pub fn first_hit(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
-        self.first_hit_on_chord(direction, &chord(origin, direction)?).map(|hit| hit.t)
+        self.first_hit_on_chord(direction, &chord(origin, direction)?)
     }
 
     /// Where the line `origin + t·direction` last meets the mesh before leaving the bounding sphere, as the ray parameter
@@ -101,8 +90,9 @@ impl VisibilityField {
     ///
     /// `normal` is the unit normal, in field space, of the surface that the ray leaves, or zero if it leaves none; `t_max`
     /// may be infinite. An origin outside the sphere asks forwards. An origin inside asks backwards, from the far side: the
-    /// ray is occluded iff the last hit lies beyond the bias; forward lookups there are blocked by whatever is nearer and
-    /// only decide whether a *segment* ends before its first hit.
+    /// ray is occluded iff the last hit lies beyond the bias. For a *segment* that ends before the last hit, the forward
+    /// lookup decides; from inside it is blocked by whatever lies behind the origin, so that a short segment from the
+    /// mesh's own surface may miss what it should hit. A table knows lines, not points within them.
     ///
     /// ```
     /// use glam::{Vec3, vec3};
@@ -122,25 +112,19 @@ impl VisibilityField {
         if c.t_exit() <= 0.0 || c.t_entry() >= t_max {
             return false;
         }
-        let rises = |lookup: &Lookup, fraction: f32| self.rises_above(lookup, fraction, origin, normal, bias);
-        let length = direction.length();
+        let forward = || self.first_hit_on_chord(direction, &c);
         if c.t_entry() >= 0.0 {
-            let Some(hit) = self.first_hit_on_chord(direction, &c) else { return false };
-            let far_outside = c.t_entry() * length > NEAR_SPHERE * cell_width(self.shape().entries);
-            return hit.t < t_max && (far_outside || rises(&hit.lookup, hit.fraction));
+            return forward().is_some_and(|t| t < t_max);
         }
         let lookup = reversed_lookup(self.shape(), origin, direction, &c);
         let Some(fraction) = self.fraction(&lookup) else { return false };
+        let length = direction.length();
         let t_last = (lookup.before - fraction * lookup.length) / length;
         let t_bias = bias.along(self.shape().exits, lookup.before, lookup.length) / length;
-        if t_last <= t_bias || !rises(&lookup, fraction) {
+        if t_last <= t_bias || !self.rises_above(&lookup, fraction, origin, normal, bias) {
             return false;
         }
-        if t_last < t_max {
-            return true;
-        }
-        let Some(hit) = self.first_hit_on_chord(direction, &c) else { return false };
-        hit.t > t_bias && hit.t < t_max && rises(&hit.lookup, hit.fraction)
+        t_last < t_max || forward().is_some_and(|t| t > t_bias && t < t_max)
     }
 
     /// Whether a hit rises above the surface that the ray leaves, by more than the bias.
@@ -151,11 +135,10 @@ impl VisibilityField {
     }
 
     #[inline]
-    fn first_hit_on_chord(&self, direction: Vec3, chord: &Chord) -> Option<ForwardHit> {
+    fn first_hit_on_chord(&self, direction: Vec3, chord: &Chord) -> Option<f32> {
         let lookup = forward_lookup(self.shape(), direction, chord);
-        let fraction = self.fraction(&lookup)?;
-        let past_middle = fraction * lookup.length - lookup.before;
-        Some(ForwardHit { t: chord.t_middle + past_middle / direction.length(), lookup, fraction })
+        let past_middle = self.fraction(&lookup)? * lookup.length - lookup.before;
+        Some(chord.t_middle + past_middle / direction.length())
     }
 
     #[inline]

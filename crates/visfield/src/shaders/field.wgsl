@@ -10,7 +10,6 @@ const FRACTION_QUANTUM: f32 = 1.0 / 254.0;
 const NO_HIT: f32 = 3.0e38;
 const GRAZING: f32 = 1.0e-3;
 const HALF_QUANTUM: f32 = 0.5 / 254.0;
-const NEAR_SPHERE: f32 = 1.0;
 // √4π
 const SQRT_SPHERE: f32 = 3.5449077;
 
@@ -144,18 +143,12 @@ fn rises_above(
     return all(normal == vec3<f32>(0.0)) || height > bias_height(bias, shape.exits, lookup.before, lookup.length);
 }
 
-// t is NO_HIT where Rust has `None`.
-struct ForwardHit {
-    t: f32,
-    lookup: Lookup,
-    fraction: f32,
-}
-
-fn first_hit_on_chord(shape: TableShape, direction: vec3<f32>, c: Chord) -> ForwardHit {
+// NO_HIT where Rust has `None`.
+fn first_hit_on_chord(shape: TableShape, direction: vec3<f32>, c: Chord) -> f32 {
     let lookup = forward_lookup(shape, direction, c);
     let fraction = fraction(shape, lookup.index);
     let past_middle = fraction * lookup.length - lookup.before;
-    return ForwardHit(select(c.t_middle + past_middle / length(direction), NO_HIT, fraction == NO_HIT), lookup, fraction);
+    return select(c.t_middle + past_middle / length(direction), NO_HIT, fraction == NO_HIT);
 }
 
 fn occluded(
@@ -171,20 +164,15 @@ fn occluded(
     if c.t_half == 0.0 || c.t_middle + c.t_half <= 0.0 || t_entry >= t_max {
         return false;
     }
-    let direction_length = length(direction);
     if t_entry >= 0.0 {
-        let hit = first_hit_on_chord(shape, direction, c);
-        if hit.t >= t_max {
-            return false;
-        }
-        let far_outside = t_entry * direction_length > NEAR_SPHERE * cell_width(shape.entries);
-        return far_outside || rises_above(shape, hit.lookup, hit.fraction, origin, normal, bias);
+        return first_hit_on_chord(shape, direction, c) < t_max;
     }
     let lookup = reversed_lookup(shape, origin, direction, c);
     let fraction = fraction(shape, lookup.index);
     if fraction == NO_HIT {
         return false;
     }
+    let direction_length = length(direction);
     let t_last = (lookup.before - fraction * lookup.length) / direction_length;
     let t_bias = bias_along(bias, shape.exits, lookup.before, lookup.length) / direction_length;
     if t_last <= t_bias || !rises_above(shape, lookup, fraction, origin, normal, bias) {
@@ -193,6 +181,6 @@ fn occluded(
     if t_last < t_max {
         return true;
     }
-    let hit = first_hit_on_chord(shape, direction, c);
-    return hit.t > t_bias && hit.t < t_max && rises_above(shape, hit.lookup, hit.fraction, origin, normal, bias);
+    let t_first = first_hit_on_chord(shape, direction, c);
+    return t_first > t_bias && t_first < t_max;
 }

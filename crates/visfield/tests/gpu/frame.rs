@@ -190,6 +190,8 @@ fn the_passes_compute_what_their_twins_compute() {
         place(0, DAffine3::from_translation(dvec3(-0.5, -1.4, -3.0))),
         place(1, squeezed),
         place(1, DAffine3::from_translation(dvec3(0.2, -1.5, -2.0))),
+        // To the right of the tilted part, mostly below its horizon.
+        place(0, DAffine3::from_translation(dvec3(2.4, -1.1, -2.8))),
     ];
     // A wide one, whose disc dips below the horizon of the tilted part, and a narrow one.
     let lights = [FrameLight::new(2, vec3(0.5, 1.0, 0.3).normalize(), 0.9), FrameLight::new(0, Vec3::Y, 0.02)];

@@ -60,32 +60,48 @@ fn real_meshes_do_not_shadow_themselves_where_they_should_not() {
     }
 }
 
+/// Boxes from corner to corner, as one mesh.
+fn boxes(corners: &[[[f32; 3]; 2]]) -> Mesh {
+    let mut mesh = Mesh { name: "boxes".to_owned(), ..Mesh::default() };
+    for ends in corners {
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend((0..8).map(|i| [0, 1, 2].map(|axis| ends[i >> axis & 1][axis])));
+        for [a, b, c, d] in [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]] {
+            mesh.indices.extend([[a, b, c], [a, c, d]].map(|triangle| triangle.map(|corner: u32| first + corner)));
+        }
+    }
+    mesh
+}
+
+/// The darkest of 21² receivers on the face y = 1 of a mesh, between −1 and 1 and scaled a little.
+fn darkest_on_top(mesh: &Mesh, max_distance: f32, scale: f64) -> f32 {
+    let mut scene = Scene::default();
+    let field = scene.add_field(bake(mesh, &BakeSettings::default(), |_| ()).unwrap());
+    scene.instances.push(Instance::new(field, DAffine3::IDENTITY));
+    let settings = AmbientOcclusion { rays: RAYS, max_distance, ..AmbientOcclusion::default() };
+    let at = |x: i32, z: i32| DVec3::new(f64::from(x) * 0.1, 1.0, f64::from(z) * 0.1) * scale;
+    let receivers = (-10..=10).flat_map(|x| (-10..=10).map(move |z| at(x, z)));
+    let occlusion = |position| ambient_occlusion(&scene, &Receiver { position, normal: Vec3::Y }, &settings);
+    receivers.map(occlusion).fold(0.0, f32::max)
+}
+
 #[test]
 fn a_flat_face_stays_bright_up_to_its_corners() {
     // A box touches its bounding sphere with its corners: rounding puts receivers there on either side of it.
-    let corner = |i: u32| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { 1.0 } else { -1.0 });
-    let quad = |[a, b, c, d]: [u32; 4]| [[a, b, c], [a, c, d]];
-    let faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
-    let mesh = Mesh {
-        name: "box".to_owned(),
-        positions: (0..8).map(corner).collect(),
-        indices: faces.into_iter().flat_map(quad).collect(),
-    };
-    let mut scene = Scene::default();
-    let field = scene.add_field(bake(&mesh, &BakeSettings::default(), |_| ()).unwrap());
-    scene.instances.push(Instance::new(field, DAffine3::IDENTITY));
-    for max_distance in [0.3, f32::INFINITY] {
-        let settings = AmbientOcclusion { rays: RAYS, max_distance, ..AmbientOcclusion::default() };
-        for scale in [1.0 - 1e-5, 1.0, 1.0 + 1e-5] {
-            let at = |x: f64, z: f64| Receiver { position: DVec3::new(x, 1.0, z) * scale, normal: Vec3::Y };
-            let steps = || (-10..=10).map(|i| f64::from(i) * 0.09999);
-            let darkest = steps()
-                .flat_map(|x| steps().map(move |z| at(x, z)))
-                .map(|receiver| ambient_occlusion(&scene, &receiver, &settings))
-                .fold(0.0, f32::max);
-            assert!(darkest < 0.02, "reach {max_distance}, scale {scale}: {darkest}");
-        }
+    let mesh = boxes(&[[[-1.0; 3], [1.0; 3]]]);
+    for scale in [1.0 - 1e-4, 1.0, 1.0 + 1e-4] {
+        let darkest = darkest_on_top(&mesh, f32::INFINITY, scale);
+        assert!(darkest < 0.02, "scale {scale}: {darkest}");
     }
+}
+
+#[test]
+fn a_flat_face_stays_bright_below_what_is_out_of_reach() {
+    // The roof is met first from the far side, so that nearer hits are looked up forwards, past the face itself.
+    let mesh = boxes(&[[[-1.0; 3], [1.0; 3]], [[-1.0, 1.8, -1.0], [1.0, 2.0, 1.0]]]);
+    let out_of_reach = darkest_on_top(&mesh, 0.5, 1.0);
+    assert!(out_of_reach < 0.03, "{out_of_reach}");
+    assert!(darkest_on_top(&mesh, f32::INFINITY, 1.0) > 0.3, "the roof is there");
 }
 
 #[test]
