@@ -184,7 +184,7 @@ pub fn spawn_surroundings(
     materials: &mut Assets<StandardMaterial>,
 ) {
     let plaster = materials.add(StandardMaterial {
-        base_color: Color::linear_rgb(0.66, 0.64, 0.60),
+        base_color: Color::linear_rgb(0.50, 0.48, 0.45),
         perceptual_roughness: 0.95,
         ..default()
     });
@@ -196,13 +196,13 @@ pub fn spawn_surroundings(
     plane(Vec3::Z, Vec2::new(4.5, 2.6), Vec3::new(0.5, 2.6, -3.4));
     plane(Vec3::X, Vec2::new(2.6, 4.5), Vec3::new(-4.0, 2.6, 1.1));
     commands.spawn((
-        DirectionalLight { illuminance: 4_000.0, color: Color::srgb(1.0, 0.95, 0.85), ..default() },
+        DirectionalLight { illuminance: 5_000.0, color: Color::srgb(1.0, 0.95, 0.85), ..default() },
         Transform::default().looking_to(-TO_SUN, Vec3::Y),
         FieldShadows::default(),
     ));
     commands.insert_resource(GlobalAmbientLight {
         color: Color::srgb(0.85, 0.92, 1.0),
-        brightness: 1_300.0,
+        brightness: 1_000.0,
         ..default()
     });
 }
