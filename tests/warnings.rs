@@ -130,6 +130,9 @@ fn bad_input_is_told_once_and_the_rest_renders() {
         bevy::camera::RenderTarget::Image(second.into()),
         Transform::from_xyz(0.0, 4.0, 0.1).looking_at(Vec3::ZERO, Vec3::Y),
     ));
+    // Components where they do nothing.
+    world.spawn((PointLight::default(), FieldShadows::default()));
+    world.spawn(FieldOcclusion::default());
     // Strange settings.
     for angular_radius in [f32::NAN, -1.0, f32::INFINITY] {
         world.spawn((DirectionalLight { illuminance: 0.0, ..default() }, FieldShadows { angular_radius }));
@@ -155,6 +158,8 @@ fn bad_input_is_told_once_and_the_rest_renders() {
     assert_told_once(&["neither loaded nor loading"]);
     assert_told_once(&["singular or not finite"]);
     assert_told_once(&["FieldOcclusion needs Msaa::Off", "Sample4"]);
+    assert_told_once(&["FieldShadows but no DirectionalLight"]);
+    assert_told_once(&["FieldOcclusion but no Camera3d"]);
     assert_told_once(&["only the first 3 directional lights"]);
     assert_eq!(count(&["panicked"]), 0);
     drop(headless);

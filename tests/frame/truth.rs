@@ -152,6 +152,20 @@ fn the_frame_is_near_exact_rays() {
                 errors.print(&format!("{seconds} s, {estimator}, {class}"));
             }
         }
+        // How near the reference itself is to the true integral, on every 16th pixel.
+        let converged = AmbientOcclusion { rays: 4096, ..ambient };
+        let reference: Vec<Option<[f32; 2]>> = (0..pixels.len())
+            .into_par_iter()
+            .step_by(16)
+            .map(|i| {
+                let receiver = frame.geometry.receiver_at(pixels[i]);
+                let at = Receiver { position: camera + receiver.position.as_dvec3(), normal: receiver.normal };
+                exact[i].map(|[rays_256, _]| [rays_256, 1.0 - exact::ambient_occlusion(&exact_scene, &at, &converged)])
+            })
+            .collect();
+        let mut noise = Errors::default();
+        reference.iter().flatten().for_each(|[rays_256, converged]| noise.add(*rays_256, *converged));
+        noise.print(&format!("{seconds} s, ambient occlusion, {RAYS} exact rays against 4096"));
         if let Some(folder) = std::env::var_os("VISFIELD_PICTURES") {
             save_pictures(folder.as_ref(), seconds, &exact, &frame.visibility);
         }

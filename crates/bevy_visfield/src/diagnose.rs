@@ -1,4 +1,4 @@
-//! Says what is wrong when a field never arrives: an entity that silently does not occlude is hard to debug.
+//! Says what is wrong when a component cannot do anything: an entity that silently does not occlude is hard to debug.
 
 use std::collections::HashMap;
 
@@ -6,13 +6,25 @@ use bevy::asset::{AssetEventSystems, AssetServer, LoadState};
 use bevy::prelude::*;
 
 use crate::asset::VisibilityField;
-use crate::components::VisibilityField3d;
+use crate::components::{FieldOcclusion, FieldShadows, VisibilityField3d};
 
 /// Seconds after which a field that is not even loading counts as forgotten.
 const PATIENCE: f32 = 5.0;
 
 pub(crate) fn plugin(app: &mut App) {
-    app.add_systems(PostUpdate, warn_about_missing_fields.after(AssetEventSystems));
+    app.add_systems(PostUpdate, (warn_about_missing_fields.after(AssetEventSystems), warn_about_misplaced_components));
+}
+
+fn warn_about_misplaced_components(
+    lights: Query<Entity, (Added<FieldShadows>, Without<DirectionalLight>)>,
+    cameras: Query<Entity, (Added<FieldOcclusion>, Without<Camera3d>)>,
+) {
+    for entity in &lights {
+        warn!("entity {entity} has FieldShadows but no DirectionalLight: no other light casts field shadows yet");
+    }
+    for entity in &cameras {
+        warn!("entity {entity} has FieldOcclusion but no Camera3d: insert it on the camera that shall show occlusion");
+    }
 }
 
 /// Warns once for each handle that no asset stands behind and no load is under way for. Failed loads are told by Bevy's
