@@ -35,7 +35,7 @@ struct Options {
     #[arg(long)]
     headless: bool,
     /// Number of frames of one loop to render without a window
-    #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u32).range(1..=1000))]
     frames: u32,
     /// Folder for the frames and the GIF; made if it is missing
     #[arg(long, default_value = "target/demo", value_name = "DIR")]
@@ -81,7 +81,7 @@ fn main() -> ExitCode {
     }
     match record(&options, own_meshes) {
         Ok(gif) => {
-            println!("{} frames of {} s; the animation is {}", options.frames, PERIOD, gif.display());
+            println!("frames rendered: {}; the animation of {PERIOD} s is {}", options.frames, gif.display());
             ExitCode::SUCCESS
         }
         Err(error) => {
@@ -139,6 +139,8 @@ fn run_in_window(options: Options, own_meshes: Option<OwnMeshes>) -> ExitCode {
 /// Renders one loop of the motion and returns the path of the GIF.
 fn record(options: &Options, own_meshes: Option<OwnMeshes>) -> image::ImageResult<PathBuf> {
     std::fs::create_dir_all(&options.out)?;
+    remove_old_frames(&options.out)?;
+    println!("rendering {} frames of {} × {} pixels", options.frames, options.size.x, options.size.y);
     let mut headless = HeadlessApp::new(options.size, |plugins| plugins);
     add_scene(&mut headless.app, options.clone(), own_meshes);
     let target = headless.target();
@@ -166,6 +168,18 @@ fn record(options: &Options, own_meshes: Option<OwnMeshes>) -> image::ImageResul
     let gif = options.out.join("moving_objects.gif");
     write_gif(&gif, frames, PERIOD)?;
     Ok(gif)
+}
+
+/// Frames of an earlier, longer recording would mix with the new ones.
+fn remove_old_frames(folder: &Path) -> std::io::Result<()> {
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if name.starts_with("frame_") && name.ends_with(".png") {
+            std::fs::remove_file(&path)?;
+        }
+    }
+    Ok(())
 }
 
 /// Runs frames until the user's meshes are baked. The bar hides itself in a pipe.

@@ -322,3 +322,14 @@ fn a_camera_that_loses_its_prepass_shows_bevys_own_picture() {
     stage.entity(camera).remove::<FieldOcclusion>();
     assert!(largest_difference(&stage.picture(), &without_prepass) <= 1);
 }
+
+#[test]
+fn a_tiny_picture_shows_bevys_own() {
+    if !adapter::available() {
+        return;
+    }
+    // As a window that is dragged small: Bevy's ambient occlusion would fail there and take the app with it.
+    for size in [UVec2::new(12, 8), UVec2::ONE, UVec2::new(16, 1)] {
+        assert_eq!(Stage::with_size(Shading::Forward, size).picture().dimensions(), (size.x, size.y));
+    }
+}

@@ -20,7 +20,11 @@ pub(crate) fn run(arguments: &[OsString]) -> Result<(), TaskError> {
     command.env("CARGO_MANIFEST_DIR", cargo::workspace()).env("BEVY_ASSET_ROOT", cargo::workspace());
     if display == Display::Window && !headless {
         println!("opening a window; without one: cargo xtask demo -- --headless");
-        return execute(command.args(arguments));
+        let result = execute(command.args(arguments));
+        if matches!(&result, Err(TaskError::Failed { status, .. }) if status.code() == Some(PANICKED)) {
+            eprintln!("error: the window failed; if there is no working display: cargo xtask demo -- --headless");
+        }
+        return result;
     }
     if !headless {
         println!("{}: rendering headless", display.missing());
@@ -28,6 +32,9 @@ pub(crate) fn run(arguments: &[OsString]) -> Result<(), TaskError> {
     // The example's last line says where the animation is.
     execute(command.args(headless_arguments(arguments, &cargo::workspace().join("target").join("demo"))))
 }
+
+/// Exit code of a Rust program that panicked, as Bevy does where it cannot open a window.
+const PANICKED: i32 = 101;
 
 /// Where the example can be seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -33,7 +33,7 @@ struct Cli {
 enum Task {
     /// Build, bake and run the example `moving_objects`: in a window, or headless where there is no display
     Demo {
-        /// Passed on to the example, for example `--mesh my.glb` or `--headless --frames 10 --out DIR`
+        /// Passed on to the example, for example `--mesh my.glb` or `--headless --frames 10 --out DIR`; `-- --help` lists all
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<OsString>,
     },
@@ -70,6 +70,10 @@ fn main() -> ExitCode {
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
+        // It has said itself what is wrong.
+        Err(TaskError::Failed { status, .. }) if status.code().is_some() => {
+            ExitCode::from(status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(1))
+        }
         Err(error) => {
             eprintln!("error: {error}");
             ExitCode::FAILURE

@@ -73,7 +73,7 @@ pub enum DecodeError {
         bytes: u32,
     },
     /// The index is not valid.
-    #[error("the index cannot be read: {0}")]
+    #[error("the index cannot be read: {0}; copy or bake the file again")]
     Index(#[from] serde_json::Error),
     /// A field's header is out of range, or its table has another length.
     #[error("field {name:?}: {source}")]
@@ -110,6 +110,12 @@ pub enum FileError {
         path: PathBuf,
         /// What the system said.
         source: io::Error,
+    },
+    /// Something that is not a file has this name: a folder, a device or a pipe.
+    #[error("{path} is not a regular file; name one to write to")]
+    NotAFile {
+        /// What is there.
+        path: PathBuf,
     },
     /// The content cannot be decoded.
     #[error("{path}: {source}")]
@@ -203,24 +209,35 @@ pub fn decode(bytes: &[u8]) -> Result<Vec<VisibilityField>, DecodeError> {
     entries.into_iter().zip(tables).map(|(entry, table)| decode_field(entry.header, table)).collect()
 }
 
-/// Writes fields to `path`, atomically: the file is complete or, on failure, as it was before.
+/// Writes fields to `path`, atomically: the file is complete or, on failure, as it was before. Symbolic links are followed,
+/// and a file that is there keeps its permissions.
 ///
 /// # Errors
-/// [`FileError::Io`] if the folder cannot be written to.
+/// [`FileError::Io`] if the folder cannot be written to, [`FileError::NotAFile`] if something else than a file is there.
 pub fn write(path: &Path, fields: &[VisibilityField]) -> Result<(), FileError> {
     let io_error = |source| FileError::Io { path: path.to_owned(), source };
-    let folder = match path.parent() {
+    // What is replaced is the file itself, not a link to it.
+    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let existing = fs::metadata(&target).ok();
+    if existing.as_ref().is_some_and(|metadata| !metadata.is_file()) {
+        return Err(FileError::NotAFile { path: path.to_owned() });
+    }
+    let folder = match target.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
     let mut builder = tempfile::Builder::new();
-    // A temporary file is private by default; an asset is meant to be read by others.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
+    if let Some(existing) = existing {
+        builder.permissions(existing.permissions());
+    } else {
+        // A temporary file is private by default; an asset is meant to be read by others.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
+    }
     let mut temporary = builder.tempfile_in(folder).map_err(io_error)?;
     temporary.write_all(&encode(fields)).map_err(io_error)?;
     temporary.as_file().sync_all().map_err(io_error)?;
-    temporary.persist(path).map_err(|error| io_error(error.error))?;
+    temporary.persist(&target).map_err(|error| io_error(error.error))?;
     Ok(())
 }
 
@@ -309,6 +326,23 @@ mod tests {
         write(&path, &fields).unwrap();
         assert_eq!(read(&path).unwrap(), fields);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary file stays behind");
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn links_are_followed_and_what_is_no_file_is_left_alone() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let (real, link) = (folder.path().join("real.vfield"), folder.path().join("link.vfield"));
+        fs::write(&real, b"old").unwrap();
+        fs::set_permissions(&real, fs::Permissions::from_mode(0o600)).unwrap();
+        symlink(&real, &link).unwrap();
+        write(&link, &two_fields()).unwrap();
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(read(&real).unwrap(), two_fields());
+        assert_eq!(fs::metadata(&real).unwrap().permissions().mode() & 0o777, 0o600);
+        assert!(matches!(write(folder.path(), &[]), Err(FileError::NotAFile { .. })));
+        assert!(matches!(write(Path::new("/dev/null"), &[]), Err(FileError::NotAFile { .. })));
     }
 
     #[test]

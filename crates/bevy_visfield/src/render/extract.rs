@@ -58,6 +58,10 @@ impl SyncComponent for FieldOcclusion {
     );
 }
 
+/// Pixels of a viewport's larger side below which a camera shows no occlusion: Bevy's own effect, whose place we take,
+/// makes a texture with five levels, and fails where there is no room for them.
+const SMALLEST_VIEWPORT: u32 = 16;
+
 /// Copies the settings of cameras that can show field occlusion, and clears those that no longer can.
 pub(super) fn extract_cameras(
     mut commands: Commands,
@@ -79,7 +83,8 @@ pub(super) fn extract_cameras(
                  Insert Msaa::Off (and an anti-aliasing that works after shading, such as TAA, SMAA or FXAA)."
             );
         }
-        if camera.is_active && *msaa == Msaa::Off && depth && normals {
+        let large_enough = camera.physical_viewport_size().is_some_and(|size| size.max_element() >= SMALLEST_VIEWPORT);
+        if camera.is_active && large_enough && *msaa == Msaa::Off && depth && normals {
             // Bevy's component makes its pipelines and bind groups expect an occlusion texture. It is set in the render
             // world only, so that the user's world keeps just what the user put there.
             view.insert((*settings, ScreenSpaceAmbientOcclusion::default()));
