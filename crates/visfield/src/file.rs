@@ -342,7 +342,9 @@ mod tests {
         assert_eq!(read(&real).unwrap(), two_fields());
         assert_eq!(fs::metadata(&real).unwrap().permissions().mode() & 0o777, 0o600);
         assert!(matches!(write(folder.path(), &[]), Err(FileError::NotAFile { .. })));
-        assert!(matches!(write(Path::new("/dev/null"), &[]), Err(FileError::NotAFile { .. })));
+        let socket = folder.path().join("socket");
+        let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+        assert!(matches!(write(&socket, &[]), Err(FileError::NotAFile { .. })));
     }
 
     #[test]
