@@ -175,7 +175,9 @@ fn remove_old_frames(folder: &Path) -> std::io::Result<()> {
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        if name.starts_with("frame_") && name.ends_with(".png") {
+        let number = name.strip_prefix("frame_").and_then(|rest| rest.strip_suffix(".png"));
+        // Only what a recording writes, not a user's own frame_final.png.
+        if number.is_some_and(|number| number.len() == 4 && number.bytes().all(|digit| digit.is_ascii_digit())) {
             std::fs::remove_file(&path)?;
         }
     }
