@@ -11,6 +11,7 @@ use bevy::render::RenderApp;
 use bevy_visfield::FieldResidency;
 use bevy_visfield::prelude::*;
 use image::RgbaImage;
+use visfield::gpu::PoolStatistics;
 use visfield_workspace::headless::HeadlessApp;
 
 use crate::adapter;
@@ -86,6 +87,11 @@ impl Stage {
 
     fn entity(&mut self, entity: Entity) -> EntityWorldMut<'_> {
         self.headless.app.world_mut().entity_mut(entity)
+    }
+
+    /// What has been uploaded so far.
+    fn statistics(&self) -> PoolStatistics {
+        self.headless.app.sub_app(RenderApp).world().resource::<FieldResidency>().statistics()
     }
 
     fn picture(&mut self) -> RgbaImage {
@@ -187,15 +193,13 @@ fn the_shadow_follows_the_object() {
     let moved = Vec3::new(1.5, 0.0, 0.0);
     let new_place = stage.pixel_of(SHADOW + moved);
     let before = stage.picture();
-    let uploads =
-        |stage: &Stage| stage.headless.app.sub_app(RenderApp).world().resource::<FieldResidency>().statistics();
-    let uploaded = uploads(&stage);
+    let uploaded = stage.statistics();
     let ball = stage.ball;
     stage.entity(ball).get_mut::<Transform>().unwrap().translation += moved;
     let after = stage.picture();
     assert!(brightness(&after, old_place) > brightness(&before, old_place) + 20, "light where it was");
     assert!(brightness(&after, new_place) < brightness(&before, new_place) - 20, "dark where it is");
-    assert_eq!(uploads(&stage), uploaded, "moving uploads no field");
+    assert_eq!(stage.statistics(), uploaded, "moving uploads no field");
     assert_eq!(largest_difference(&after, &stage.picture()), 0, "a still scene gives the same frame");
 }
 
@@ -236,10 +240,8 @@ fn one_field_is_uploaded_once_for_all_its_instances() {
         stage.headless.app.world_mut().spawn((field.clone(), place));
     }
     let with_many = stage.picture();
-    let statistics =
-        |stage: &Stage| stage.headless.app.sub_app(RenderApp).world().resource::<FieldResidency>().statistics();
     let table = 65 * 65 * 32 * 32;
-    let found = statistics(&stage);
+    let found = stage.statistics();
     assert_eq!((found.uploads, found.uploaded_bytes, found.resident_bytes), (1, table, table));
 
     // When the last user goes, so does the table.
@@ -250,7 +252,7 @@ fn one_field_is_uploaded_once_for_all_its_instances() {
     }
     drop(field);
     let empty = stage.picture();
-    assert_eq!(statistics(&stage).resident_bytes, 0, "the table is freed");
+    assert_eq!(stage.statistics().resident_bytes, 0, "the table is freed");
     assert!(largest_difference(&with_many, &empty) > 30);
 }
 

@@ -1,7 +1,7 @@
 //! The frame against truth: every pixel of the scene of `moving_objects` against exact rays from the same depth and
 //! normals.
 
-use bevy::math::{DAffine3, DMat3, DVec3};
+use bevy::math::DVec3;
 use bevy::prelude::*;
 use bevy_visfield::prelude::*;
 use rayon::prelude::*;
@@ -57,9 +57,7 @@ fn exact_scene(app: &mut App, origin: DVec3) -> ExactScene {
         .iter(world)
         .map(|(parent, transform, _)| {
             let mesh = objects.get(world, parent.parent()).expect("parts belong to objects").mesh;
-            let affine = transform.affine();
-            let linear = DMat3::from_cols_array(&affine.matrix3.to_cols_array().map(f64::from));
-            (&meshes[mesh], DAffine3::from_mat3_translation(linear, affine.translation.as_dvec3()))
+            (&meshes[mesh], transform.affine().as_daffine3())
         })
         .collect();
     assert!(instances.len() >= 12);
@@ -124,15 +122,18 @@ fn the_frame_is_near_exact_rays() {
         let ambient = AmbientOcclusion { rays: RAYS, ..AmbientOcclusion::default() };
 
         let pixels: Vec<UVec2> = frame.geometry.pixels().collect();
+        // What a pixel shows, in the world; nothing for the sky.
+        let receiver_at = |pixel: UVec2| {
+            let receiver = frame.geometry.receiver_at(pixel);
+            let position = camera + receiver.position.as_dvec3();
+            (receiver.depth > 0.0).then_some(Receiver { position, normal: receiver.normal })
+        };
         let exact: Vec<Option<[f32; 2]>> = pixels
             .par_iter()
             .map(|&pixel| {
-                let receiver = frame.geometry.receiver_at(pixel);
-                let at = Receiver { position: camera + receiver.position.as_dvec3(), normal: receiver.normal };
-                (receiver.depth > 0.0).then(|| {
-                    let occlusion = exact::ambient_occlusion(&exact_scene, &at, &ambient);
-                    [1.0 - occlusion, exact::directional_visibility(&exact_scene, &at, &sun)]
-                })
+                let receiver = receiver_at(pixel)?;
+                let occlusion = exact::ambient_occlusion(&exact_scene, &receiver, &ambient);
+                Some([1.0 - occlusion, exact::directional_visibility(&exact_scene, &receiver, &sun)])
             })
             .collect();
         // Objects lie before the walls: their pixels are told from the floor's and walls' by the normal.
@@ -158,9 +159,8 @@ fn the_frame_is_near_exact_rays() {
             .into_par_iter()
             .step_by(16)
             .map(|i| {
-                let receiver = frame.geometry.receiver_at(pixels[i]);
-                let at = Receiver { position: camera + receiver.position.as_dvec3(), normal: receiver.normal };
-                exact[i].map(|[rays_256, _]| [rays_256, 1.0 - exact::ambient_occlusion(&exact_scene, &at, &converged)])
+                let ([rays_256, _], receiver) = (exact[i]?, receiver_at(pixels[i])?);
+                Some([rays_256, 1.0 - exact::ambient_occlusion(&exact_scene, &receiver, &converged)])
             })
             .collect();
         let mut noise = Errors::default();

@@ -3,7 +3,7 @@
 use bevy::camera::MainPassResolutionOverride;
 use bevy::camera::visibility::RenderLayers;
 use bevy::image::ToExtents;
-use bevy::math::{Affine3A, DAffine3, DMat3, DVec3, Mat4, UVec2};
+use bevy::math::{DVec3, Mat4, UVec2};
 use bevy::pbr::ExtractedDirectionalLight;
 use bevy::prelude::*;
 use bevy::render::camera::{ExtractedCamera, TemporalJitter};
@@ -108,8 +108,7 @@ fn place_occluders(
 ) -> Vec<InstanceData> {
     let place = |occluder: &ExtractedOccluder| {
         let slot = residency.slot(occluder.field)?;
-        let world_from_mesh = in_double_precision(&occluder.world_from_mesh);
-        let placement = Placement::new(slot.bounds(), world_from_mesh, camera_position);
+        let placement = Placement::new(slot.bounds(), occluder.world_from_mesh.as_daffine3(), camera_position);
         if placement.is_none() {
             warn_once!(
                 "a visibility field's transform is singular or not finite ({}): such objects do not occlude",
@@ -119,14 +118,6 @@ fn place_occluders(
         Some(InstanceData::new(slot, &placement?))
     };
     occluders.0.iter().filter(|occluder| occluder.layers.intersects(camera_layers)).filter_map(place).collect()
-}
-
-fn in_double_precision(transform: &Affine3A) -> DAffine3 {
-    let columns = transform.matrix3.to_cols_array().map(f64::from);
-    DAffine3 {
-        matrix3: DMat3::from_cols_array(&columns),
-        translation: DVec3::from(transform.translation.to_array().map(f64::from)),
-    }
 }
 
 /// The lights with field shadows. A light's channel is its index in Bevy's shader, which `prepare_lights` gives by (volumetric,

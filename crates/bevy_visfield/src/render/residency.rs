@@ -53,8 +53,8 @@ impl FieldResidency {
         self.slots.get(&id)
     }
 
-    fn remove(&mut self, id: AssetId<VisibilityField>) {
-        self.refused.remove(&id);
+    /// Frees the room of a field, if it has any.
+    fn free(&mut self, id: AssetId<VisibilityField>) {
         if let Some(slot) = self.slots.remove(&id) {
             self.pool.remove(slot);
         }
@@ -81,9 +81,7 @@ impl RenderAsset for ResidentField {
     ) -> Result<Self, PrepareAssetError<VisibilityField>> {
         let Some(residency) = residency else { return Ok(Self) };
         // A field that changed must not occlude as it was, so its old table goes first and leaves its room.
-        if let Some(old) = residency.slots.remove(&id) {
-            residency.pool.remove(old);
-        }
+        residency.free(id);
         match residency.pool.insert(device.wgpu_device(), queue, &field) {
             Ok(slot) => {
                 residency.slots.insert(id, slot);
@@ -104,7 +102,8 @@ impl RenderAsset for ResidentField {
 
     fn unload_asset(id: AssetId<VisibilityField>, (_, _, residency): &mut SystemParamItem<Self::Param>) {
         if let Some(residency) = residency {
-            residency.remove(id);
+            residency.free(id);
+            residency.refused.remove(&id);
         }
     }
 }

@@ -4,10 +4,10 @@
 
 use glam::{IVec2, Mat4, UVec2, Vec2, Vec3, Vec4, uvec2, vec2};
 
-use super::cosine_direction;
 use super::sampling::{
     AMBIENT_INTERLEAVE_BITS, DiscBasis, LIGHT_INTERLEAVE_BITS, disc_samples, interleave_index, residues, sphere_samples,
 };
+use super::{FacingOccluder, cosine_direction};
 use crate::field::VisibilityField;
 use crate::field::query::Bias;
 use crate::scene::Placement;
@@ -174,59 +174,41 @@ pub fn trace(
         if receiver.depth == 0.0 {
             return Vec4::ZERO;
         }
-        let near: Vec<NearInstance> = instances
+        let to_center = |placement: &Placement| placement.center - receiver.position;
+        // What lies wholly below the horizon blocks no ray that counts.
+        let above: Vec<FacingOccluder> = instances
             .iter()
-            .filter(|(placement, _)| {
-                let to_center = placement.center - receiver.position;
-                // What lies wholly below the horizon blocks no ray that counts.
-                above_surface(to_center, placement.radius, receiver.normal)
-            })
-            .map(|(placement, field)| NearInstance {
-                placement,
-                field,
-                origin: placement.field_from_world.transform_point3(receiver.position),
-                normal: placement.field_normal(receiver.normal),
-            })
+            .filter(|(placement, _)| above_surface(to_center(placement), placement.radius, receiver.normal))
+            .map(|placed| FacingOccluder::new(placed, receiver.position, receiver.normal))
             .collect();
-        let blocked = |instance: &NearInstance, direction: Vec3, t_max: f32| {
-            let along = instance.placement.field_from_world.transform_vector3(direction);
-            instance.field.occluded(instance.origin, along, t_max, instance.normal, settings.bias)
-        };
         let mut occlusion = Vec4::ZERO;
-        let reached = |instance: &&NearInstance| {
-            let distance = (instance.placement.center - receiver.position).length();
-            distance - instance.placement.radius < settings.max_distance
+        let within_reach = |occluder: &&FacingOccluder| {
+            to_center(occluder.placement).length() - occluder.placement.radius < settings.max_distance
         };
+        let reached: Vec<&FacingOccluder> = above.iter().filter(within_reach).collect();
         let count = own_samples(&sphere, pixel, AMBIENT_INTERLEAVE_BITS)
             .map(|&point| cosine_direction(receiver.normal, point))
-            .filter(|&ray| near.iter().filter(reached).any(|instance| blocked(instance, ray, settings.max_distance)))
+            .filter(|&ray| reached.iter().any(|occluder| occluder.blocks(ray, settings.max_distance, settings.bias)))
             .count();
         occlusion.x = count as f32 / settings.ambient_rays.max(1) as f32;
         let usable = |light: &&FrameLight| light.channel < MAX_LIGHTS && receiver.normal.dot(light.disc.axis) > 0.0;
         for light in lights.iter().filter(usable) {
-            let in_cone = |instance: &&NearInstance| {
-                meets_cone(instance.placement.center - receiver.position, instance.placement.radius, light)
-            };
+            let in_cone: Vec<&FacingOccluder> = above
+                .iter()
+                .filter(|occluder| meets_cone(to_center(occluder.placement), occluder.placement.radius, light))
+                .collect();
             // Of the disc, only what is above the receiver's horizon counts.
             let rays: Vec<Vec3> = own_samples(&disc, pixel, LIGHT_INTERLEAVE_BITS)
                 .map(|&point| light.disc.direction(point))
                 .filter(|ray| receiver.normal.dot(*ray) > 0.0)
                 .collect();
-            let blocked = |ray: Vec3| near.iter().filter(in_cone).any(|instance| blocked(instance, ray, f32::INFINITY));
+            let blocked = |ray: Vec3| in_cone.iter().any(|occluder| occluder.blocks(ray, f32::INFINITY, settings.bias));
             let count = rays.iter().filter(|&&ray| blocked(ray)).count();
             occlusion[light.channel + 1] = count as f32 / rays.len().max(1) as f32;
         }
         occlusion
     };
     geometry.pixels().map(trace_pixel).collect()
-}
-
-/// An instance that may block rays of a receiver, with the receiver in its field space.
-struct NearInstance<'a> {
-    placement: &'a Placement,
-    field: &'a VisibilityField,
-    origin: Vec3,
-    normal: Vec3,
 }
 
 /// The samples of a shared pattern that a pixel takes.

@@ -85,13 +85,12 @@ impl DirectionalShadow {
 /// The cosine-weighted fraction of the receiver's hemisphere that is occluded, in [0, 1] (2010, §2.1, as occlusion).
 pub fn ambient_occlusion(scene: &Scene, receiver: &Receiver, settings: &AmbientOcclusion) -> f32 {
     let placements = scene.place(receiver.position);
+    let occluders = facing(&placements, receiver.normal);
     let rays = settings.rays.max(1);
     let occluded = sphere_samples(rays)
         .into_iter()
-        .filter(|&sample| {
-            let direction = cosine_direction(receiver.normal, sample);
-            occluded(&placements, receiver.normal, direction, settings.max_distance, settings.bias)
-        })
+        .map(|sample| cosine_direction(receiver.normal, sample))
+        .filter(|&ray| occluders.iter().any(|occluder| occluder.blocks(ray, settings.max_distance, settings.bias)))
         .count();
     occluded as f32 / rays as f32
 }
@@ -103,9 +102,15 @@ pub fn directional_visibility(scene: &Scene, receiver: &Receiver, light: &Direct
         return 1.0;
     }
     let placements = scene.place(receiver.position);
+    let occluders = facing(&placements, receiver.normal);
     let rays = light.rays_above(receiver.normal);
-    let blocked = |ray: &&Vec3| occluded(&placements, receiver.normal, **ray, f32::INFINITY, light.bias);
-    1.0 - rays.iter().filter(blocked).count() as f32 / rays.len().max(1) as f32
+    let blocked = |ray: Vec3| occluders.iter().any(|occluder| occluder.blocks(ray, f32::INFINITY, light.bias));
+    1.0 - rays.iter().filter(|&&ray| blocked(ray)).count() as f32 / rays.len().max(1) as f32
+}
+
+/// Placements that were made relative to a receiver, as it sees them.
+fn facing<'a>(placements: &'a [(Placement, &'a VisibilityField)], normal: Vec3) -> Vec<FacingOccluder<'a>> {
+    placements.iter().map(|placed| FacingOccluder::new(placed, Vec3::ZERO, normal)).collect()
 }
 
 /// A direction of the hemisphere around `normal`, cosine-distributed if `sample` is uniform on the unit sphere: the
@@ -118,19 +123,26 @@ pub fn cosine_direction(normal: Vec3, sample: Vec3) -> Vec3 {
     if squared > 1.0e-8 { direction / squared.sqrt() } else { normal }
 }
 
-/// Whether any placement blocks the ray from the receiver, which is at the placements' origin.
-fn occluded(
-    placements: &[(Placement, &VisibilityField)],
+/// An occluder as one receiver sees it: the receiver in the occluder's field space.
+struct FacingOccluder<'a> {
+    placement: &'a Placement,
+    field: &'a VisibilityField,
+    origin: Vec3,
     normal: Vec3,
-    direction: Vec3,
-    t_max: f32,
-    bias: Bias,
-) -> bool {
-    placements.iter().any(|(placement, field)| {
-        let origin = Vec3::from(placement.field_from_world.translation);
-        let along = placement.field_from_world.transform_vector3(direction);
-        field.occluded(origin, along, t_max, placement.field_normal(normal), bias)
-    })
+}
+
+impl<'a> FacingOccluder<'a> {
+    /// `position` is relative to the placement's chosen origin.
+    fn new((placement, field): &'a (Placement, &'a VisibilityField), position: Vec3, normal: Vec3) -> Self {
+        let origin = placement.field_from_world.transform_point3(position);
+        Self { placement, field, origin, normal: placement.field_normal(normal) }
+    }
+
+    /// Whether it blocks the ray from the receiver in a direction of the world.
+    fn blocks(&self, direction: Vec3, t_max: f32, bias: Bias) -> bool {
+        let along = self.placement.field_from_world.transform_vector3(direction);
+        self.field.occluded(self.origin, along, t_max, self.normal, bias)
+    }
 }
 
 #[cfg(test)]

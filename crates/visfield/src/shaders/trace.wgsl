@@ -154,6 +154,10 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
     var occlusion = vec4<f32>(0.0);
     occlusion.x = f32(countOneBits(ambient_blocked)) / f32(max(frame.ambient_rays, 1u));
     for (var l = 0u; l < frame.light_count; l++) {
+        // Most pixels are lit: nothing to count.
+        if light_blocked[l] == 0u {
+            continue;
+        }
         let light = frame.lights[l];
         // Of the disc, only what is above the receiver's horizon counts.
         var counted = 0u;
