@@ -115,7 +115,7 @@ fn ball_field() -> visfield::VisibilityField {
     let inner = 0.98;
     let closed_form = visfield::field::ball_field(inner, 65, 32);
     let mut header = closed_form.header().clone();
-    header.bounds.radius = 1.0 / inner;
+    header.bounds = visfield::BoundingEllipsoid::sphere([0.0; 3], 1.0 / inner);
     visfield::VisibilityField::new(header, closed_form.table().to_vec()).expect("only the scale changed")
 }
 

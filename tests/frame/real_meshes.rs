@@ -26,7 +26,7 @@ fn real_mesh(name: &str) -> Option<PathBuf> {
 fn bake_load_and_render(name: &str) {
     let (Some(path), true) = (real_mesh(name), adapter::available()) else { return };
     let meshes = read_meshes(&path).unwrap();
-    let settings = BakeSettings { entries: 33, exits: 16 };
+    let settings = BakeSettings::two_point(33, 16);
     let fields: Vec<_> = meshes.iter().map(|mesh| bake(mesh, &settings, |_| ()).unwrap()).collect();
     let folder = tempfile::tempdir().unwrap();
     visfield::file::write(&folder.path().join("model.vfield"), &fields).unwrap();

@@ -231,7 +231,7 @@ mod tests {
         panic!("the bake did not end");
     }
 
-    const SMALL: BakeVisibilityField = BakeVisibilityField { settings: BakeSettings { entries: 9, exits: 8 } };
+    const SMALL: BakeVisibilityField = BakeVisibilityField { settings: BakeSettings::two_point(9, 8) };
 
     #[test]
     fn entities_with_the_same_mesh_share_a_field() {

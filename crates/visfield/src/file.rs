@@ -25,7 +25,7 @@ use crate::field::{FieldError, FieldHeader, VisibilityField};
 /// The first bytes of every `.vfield` file. The leading non-ASCII byte and the line break expose text-mode transfers.
 pub const MAGIC: [u8; 8] = *b"\x89VFIELD\n";
 /// The format version that this build reads and writes.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 /// Largest index that is accepted, in bytes: room for thousands of fields.
 pub const MAX_INDEX_BYTES: u32 = 1 << 20;
 
@@ -393,7 +393,7 @@ mod tests {
 
         let entry = |entries: u32, exits: u32, radius: &str, compressed: usize| {
             format!(
-                r#"[{{"name":"x","bounds":{{"center":[0,0,0],"radius":{radius}}},"representation":
+                r#"[{{"name":"x","bounds":{{"center":[0,0,0],"axes":[[{radius},0,0],[0,1,0],[0,0,1]]}},"representation":
                 {{"two-point":{{"entries":{entries},"exits":{exits}}}}},"encoding":"u8","triangles":1,
                 "compressed_bytes":{compressed}}}]"#
             )
@@ -405,7 +405,7 @@ mod tests {
         assert!(matches!(decode_forged(180, 180, "1"), Err(DecodeError::Table { .. })), "a gigabyte from 20 bytes");
         assert!(matches!(decode_forged(2, 3, "1"), Err(DecodeError::Table { .. })));
         assert!(matches!(decode_forged(1, 2, "1"), Err(DecodeError::Table { .. })));
-        for (entries, exits, radius) in [(0, 2, "1"), (100_000, 2, "1"), (2, 2, "0"), (2, 2, "-1")] {
+        for (entries, exits, radius) in [(0, 2, "1"), (100_000, 2, "1"), (2, 2, "0"), (2, 2, "1e-30")] {
             assert!(matches!(decode_forged(entries, exits, radius), Err(DecodeError::Field { .. })));
         }
         let padded = [&zeros[..], &[0; 4]].concat();

@@ -35,4 +35,5 @@ pub mod file;
 pub mod gpu;
 pub mod scene;
 
-pub use field::{BoundingSphere, Encoding, FieldError, FieldHeader, Representation, VisibilityField};
+pub use field::query::{QueryOptions, Ray};
+pub use field::{BoundingEllipsoid, Encoding, FieldError, FieldHeader, Representation, VisibilityField};

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3, vec3};
 
-use crate::field::{BoundingSphere, VisibilityField};
+use crate::field::{BoundingEllipsoid, VisibilityField};
 
 /// Which of a [`Scene`]'s fields an instance uses; [`Scene::add_field`] gives it.
 ///
@@ -78,8 +78,8 @@ impl Scene {
 ///
 /// ```
 /// use glam::{DAffine3, DVec3, Vec3, dvec3};
-/// use visfield::{BoundingSphere, scene::Placement};
-/// let bounds = BoundingSphere { center: [1.0, 0.0, 0.0], radius: 2.0 };
+/// use visfield::{BoundingEllipsoid, scene::Placement};
+/// let bounds = BoundingEllipsoid::sphere([1.0, 0.0, 0.0], 2.0);
 /// let placement = Placement::new(&bounds, DAffine3::from_translation(dvec3(1e7, 0.0, 0.0)), dvec3(1e7, 0.0, 0.0)).unwrap();
 /// assert_eq!(placement.center, Vec3::X);
 /// assert_eq!(placement.field_from_world.transform_point3(Vec3::X * 3.0), Vec3::X);
@@ -97,8 +97,8 @@ pub struct Placement {
 impl Placement {
     /// Places `bounds` by `world_from_mesh`, relative to `origin`; `None` if the transform is singular or not finite, or
     /// so extreme that single precision cannot hold the result.
-    pub fn new(bounds: &BoundingSphere, world_from_mesh: DAffine3, origin: DVec3) -> Option<Self> {
-        let world_from_field = world_from_mesh * bounds.field_from_mesh().inverse();
+    pub fn new(bounds: &BoundingEllipsoid, world_from_mesh: DAffine3, origin: DVec3) -> Option<Self> {
+        let world_from_field = world_from_mesh * bounds.mesh_from_field();
         let relative = DAffine3 { translation: world_from_field.translation - origin, ..world_from_field };
         let stretch = largest_stretch(relative.matrix3);
         // Relative to the stretch, so that tiny objects are not taken for flat ones.
@@ -124,8 +124,8 @@ impl Placement {
     ///
     /// ```
     /// use glam::{DAffine3, DVec3, Vec3, dvec3};
-    /// use visfield::{BoundingSphere, scene::Placement};
-    /// let bounds = BoundingSphere { center: [0.0; 3], radius: 1.0 };
+    /// use visfield::{BoundingEllipsoid, scene::Placement};
+    /// let bounds = BoundingEllipsoid::sphere([0.0; 3], 1.0);
     /// let mirrored = Placement::new(&bounds, DAffine3::from_scale(dvec3(1.0, -2.0, 5.0)), DVec3::ZERO).unwrap();
     /// assert_eq!(mirrored.field_normal(Vec3::Y), -Vec3::Y);
     /// ```
@@ -158,7 +158,7 @@ mod tests {
     use super::*;
     use glam::{DQuat, EulerRot, dvec3};
 
-    const UNIT: BoundingSphere = BoundingSphere { center: [0.0; 3], radius: 1.0 };
+    const UNIT: BoundingEllipsoid = BoundingEllipsoid::sphere([0.0; 3], 1.0);
 
     #[test]
     fn singular_and_non_finite_transforms_vanish() {

@@ -3,41 +3,55 @@
 use glam::Vec3;
 use rayon::prelude::*;
 use thiserror::Error;
-use visfield::field::encode_u8;
-use visfield::field::octahedral::octahedral_direction;
+use visfield::field::encoding::Block;
+use visfield::field::lookup::{ChordGrid, Grid};
 use visfield::{Encoding, FieldError, FieldHeader, Representation, VisibilityField};
 
-use crate::bounds::enclosing_sphere;
+use crate::bounds::{BoundsKind, bounds_of};
 use crate::mesh::{Mesh, MeshError};
 use crate::triangles::TriangleBvh;
 
-/// How fine a mesh is baked.
+/// How a mesh is baked: what its field stores of it.
 ///
 /// ```
-/// let settings = visfield_bake::BakeSettings { exits: 64, ..Default::default() };
-/// assert_eq!(settings.rays(), 65 * 65 * 64 * 64);
+/// use visfield::{Encoding, Representation};
+/// use visfield_bake::{BakeSettings, BoundsKind};
+/// let settings = BakeSettings {
+///     representation: Representation::TwoPoint { entries: 33, exits: 64 },
+///     encoding: Encoding::Bit,
+///     bounds: BoundsKind::Ellipsoid,
+/// };
+/// assert_eq!(settings.rays(), 33 * 33 * 64 * 64);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BakeSettings {
-    /// Side of the grid of chord entries, 1 to [`MAX_SIDE`](visfield::field::MAX_SIDE). An odd side puts cell centres on the
-    /// axes.
-    pub entries: u32,
-    /// Side of the grid of chord exits, 1 to [`MAX_SIDE`](visfield::field::MAX_SIDE).
-    pub exits: u32,
+    /// Which chords are stored.
+    pub representation: Representation,
+    /// How each chord's answer is stored.
+    pub encoding: Encoding,
+    /// What becomes the unit sphere of field space.
+    pub bounds: BoundsKind,
 }
 
 impl Default for BakeSettings {
-    /// 4.3 million chords, 4.3 MB before compression: 2010's 4226 × 32² maps (DESIGN §7).
+    /// 4.3 million chords, 4.3 MB before compression: 2010's 4226 × 32² maps (DESIGN §7). An odd side of the entries puts
+    /// cell centres on the axes.
     fn default() -> Self {
-        Self { entries: 65, exits: 32 }
+        Self::two_point(65, 32)
     }
 }
 
 impl BakeSettings {
-    /// Number of rays that a bake traces, one per chord and byte of the table; saturating.
+    /// A two-point table of bytes in a bounding sphere.
+    pub const fn two_point(entries: u32, exits: u32) -> Self {
+        let representation = Representation::TwoPoint { entries, exits };
+        Self { representation, encoding: Encoding::U8, bounds: BoundsKind::Sphere }
+    }
+
+    /// Number of rays that a bake traces, one per chord of the table; 0 if the settings are out of range.
     pub fn rays(&self) -> u64 {
-        let square = |side: u32| u64::from(side).saturating_mul(u64::from(side));
-        square(self.entries).saturating_mul(square(self.exits))
+        let rays = |grid: Grid| u64::from(grid.starts()) * u64::from(grid.chords_per_start());
+        self.representation.grid().map_or(0, rays)
     }
 }
 
@@ -75,13 +89,14 @@ pub enum BakeError {
 /// [`BakeError`] if the settings or the mesh cannot be baked. Settings are checked before anything is traced.
 pub fn bake(mesh: &Mesh, settings: &BakeSettings, progress: impl Fn(u64) + Sync) -> Result<VisibilityField, BakeError> {
     let mesh_error = |source| BakeError::Mesh { name: mesh.name.clone(), source };
-    let BakeSettings { entries, exits } = *settings;
+    // Before anything that takes time.
+    settings.representation.grid()?;
     let mut solid = mesh.solid_triangles().map_err(mesh_error)?;
     let header = FieldHeader {
         name: mesh.name.clone(),
-        bounds: enclosing_sphere(&solid).map_err(mesh_error)?,
-        representation: Representation::TwoPoint { entries, exits },
-        encoding: Encoding::U8,
+        bounds: bounds_of(&solid, settings.bounds).map_err(mesh_error)?,
+        representation: settings.representation,
+        encoding: settings.encoding,
         triangles: u32::try_from(solid.len()).unwrap_or(u32::MAX),
     };
     header.validate()?;
@@ -89,16 +104,11 @@ pub fn bake(mesh: &Mesh, settings: &BakeSettings, progress: impl Fn(u64) + Sync)
     let field_from_mesh = header.bounds.field_from_mesh();
     solid.iter_mut().flatten().for_each(|corner| *corner = field_from_mesh.transform_point3(*corner));
     let triangles = TriangleBvh::new(&solid);
-    let ends: Vec<Vec3> = (0..exits * exits).map(|cell| octahedral_direction(cell, exits)).collect();
-    let mut table = vec![0; header.table_bytes() as usize];
-    table.par_chunks_exact_mut(ends.len()).enumerate().for_each(|(cell, row)| {
-        let start = octahedral_direction(cell as u32, entries);
-        for (code, &end) in row.iter_mut().zip(&ends) {
-            *code = encode_u8(first_hit_fraction(&triangles, start, end));
-        }
-        progress(row.len() as u64);
-    });
-    Ok(VisibilityField::new(header, table)?)
+    let trace = |mut block: Block| {
+        block.fill(|start, end| first_hit_fraction(&triangles, start, end));
+        progress(block.chords());
+    };
+    Ok(VisibilityField::sample(header, |blocks| blocks.into_par_iter().for_each(trace))?)
 }
 
 /// Length of the chords below which both ends count as the same point. Such a chord touches the sphere and nothing inside.
@@ -126,7 +136,7 @@ mod tests {
 
     #[test]
     fn progress_adds_up_and_threads_do_not_matter() {
-        let settings = BakeSettings { entries: 9, exits: 7 };
+        let settings = BakeSettings::two_point(9, 7);
         let rays = AtomicU64::new(0);
         let count = |n| {
             rays.fetch_add(n, Ordering::Relaxed);
@@ -139,16 +149,16 @@ mod tests {
 
     #[test]
     fn a_chord_with_one_end_twice_meets_nothing() {
-        let field = bake(&tetrahedron(), &BakeSettings { entries: 5, exits: 5 }, |_| ()).unwrap();
+        let field = bake(&tetrahedron(), &BakeSettings::two_point(5, 5), |_| ()).unwrap();
         for cell in 0..25 {
-            assert_eq!(field.table()[cell * 25 + cell], visfield::field::NO_HIT_CODE);
+            assert_eq!(field.table()[cell * 25 + cell], visfield::field::encoding::NO_HIT_CODE);
         }
     }
 
     #[test]
     fn settings_out_of_range_are_refused() {
         for (entries, exits) in [(0, 32), (65, 0), (513, 1), (1, 513), (512, 512)] {
-            let error = bake(&tetrahedron(), &BakeSettings { entries, exits }, |_| ()).unwrap_err();
+            let error = bake(&tetrahedron(), &BakeSettings::two_point(entries, exits), |_| ()).unwrap_err();
             assert!(matches!(error, BakeError::Settings(_)), "{entries} and {exits}: {error}");
         }
     }

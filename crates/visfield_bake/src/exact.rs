@@ -55,6 +55,16 @@ impl ExactScene {
         Ok(Self { triangles: TriangleBvh::new(&world), origin })
     }
 
+    /// One mesh as it is.
+    pub(crate) fn of_mesh(mesh: &Mesh) -> Result<Self, MeshError> {
+        Self::new(&[(mesh, DAffine3::IDENTITY)], DVec3::ZERO)
+    }
+
+    /// The triangles, relative to the scene's origin.
+    pub(crate) fn triangles(&self) -> &TriangleBvh {
+        &self.triangles
+    }
+
     /// The ray parameter t of the first hit of `origin + t·direction` in [0, `t_max`). `origin` is in the world.
     pub fn closest_hit(&self, origin: DVec3, direction: Vec3, t_max: f32) -> Option<f32> {
         self.triangles.closest_hit((origin - self.origin).as_vec3(), direction, t_max)
@@ -66,7 +76,7 @@ impl ExactScene {
     }
 
     /// The point from which a receiver's rays start, relative to the scene's origin.
-    fn start(&self, receiver: &Receiver) -> Vec3 {
+    pub(crate) fn start(&self, receiver: &Receiver) -> Vec3 {
         let position = (receiver.position - self.origin).as_vec3();
         let size = position.abs().max_element().max(self.triangles.extent());
         position + receiver.normal * (size * Self::SURFACE_OFFSET)

@@ -75,7 +75,7 @@ impl Mesh {
     /// [`MeshError`] names the first thing that is wrong.
     pub fn validate(&self) -> Result<(), MeshError> {
         let triangles = self.solid_triangles()?;
-        crate::bounds::enclosing_sphere(&triangles).map(|_| ())
+        crate::bounds::bounds_of(&triangles, crate::bounds::BoundsKind::Sphere).map(|_| ())
     }
 
     /// The corners of the triangles that have an area, in double precision.

@@ -36,6 +36,26 @@ pub struct TriangleBvh {
     extent: f32,
 }
 
+/// A ray that is ready to be traced, for those who trace it again and again or time nothing but the tracing.
+///
+/// Of use only to the [`TriangleBvh`] that prepared it.
+///
+/// ```
+/// use glam::{Vec3, dvec3};
+/// use visfield_bake::TriangleBvh;
+/// let floor = [dvec3(-1.0, 0.0, -1.0), dvec3(1.0, 0.0, -1.0), dvec3(0.0, 0.0, 1.0)];
+/// let triangles = TriangleBvh::new(&[floor]);
+/// let down = triangles.prepare(Vec3::Y, Vec3::NEG_Y, 0.0, f32::INFINITY).expect("the ray has a direction");
+/// assert!(triangles.occluded_prepared(&down));
+/// assert!(triangles.prepare(Vec3::Y, Vec3::ZERO, 0.0, f32::INFINITY).is_none());
+/// ```
+#[derive(Clone, Copy)]
+pub struct PreparedRay {
+    ray: Ray,
+    /// Length of the direction as the triangles are scaled.
+    length: f32,
+}
+
 /// Binary exponent of the largest coordinate as `obvhs` sees it. A power of two scales exactly, and keeps products of tiny
 /// or huge coordinates in the range of `f32`. Well above 1, because `obvhs` 0.4 never enters boxes that a ray leaves before
 /// t = 10⁻⁴.
@@ -69,20 +89,25 @@ impl TriangleBvh {
 
     /// The ray parameter t of the first hit in [0, `t_max`), if there is one.
     pub fn closest_hit(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Option<f32> {
-        let (bvh, ray, length) = self.ray(origin, direction, 0.0, t_max)?;
+        let PreparedRay { ray, length } = self.prepare(origin, direction, 0.0, t_max)?;
         let mut hit = RayHit::none();
+        let bvh = self.bvh.as_ref()?;
         bvh.ray_traverse(ray, &mut hit, |ray, leaf| self.triangles[leaf].intersect(ray)).then(|| hit.t / length)
     }
 
     /// Whether anything is hit in [`t_min`, `t_max`). Cheaper than [`closest_hit`](Self::closest_hit).
     pub fn occluded(&self, origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> bool {
-        self.ray(origin, direction, t_min, t_max)
-            .is_some_and(|(bvh, ray, _)| !bvh.ray_traverse_miss(ray, |ray, leaf| self.triangles[leaf].intersect(ray)))
+        self.prepare(origin, direction, t_min, t_max).is_some_and(|ray| self.occluded_prepared(&ray))
     }
 
-    /// The ray in the scaled space, and the length of `direction` there.
-    fn ray(&self, origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> Option<(&CwBvh, Ray, f32)> {
-        let bvh = self.bvh.as_ref()?;
+    /// Whether the ray hits anything between the ends that it was prepared with.
+    pub fn occluded_prepared(&self, ray: &PreparedRay) -> bool {
+        let hit = |bvh: &CwBvh| !bvh.ray_traverse_miss(ray.ray, |ray, leaf| self.triangles[leaf].intersect(ray));
+        self.bvh.as_ref().is_some_and(hit)
+    }
+
+    /// The part of [`occluded`](Self::occluded) that comes before the tracing. `None` hits nothing.
+    pub fn prepare(&self, origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> Option<PreparedRay> {
         let largest = direction.abs().max_element();
         // Normalised, because `obvhs` treats components below 10⁻⁷ as zero; plus 0, because it takes −0 for a direction
         // that points both ways.
@@ -94,7 +119,7 @@ impl TriangleBvh {
         }
         let length = (direction / largest).length() * largest * self.scale;
         let ray = Ray::new(origin.to_array().into(), unit.to_array().into(), t_min * length, t_max * length);
-        Some((bvh, ray, length))
+        Some(PreparedRay { ray, length })
     }
 }
 

@@ -7,7 +7,7 @@ pub mod sampling;
 use glam::{DVec3, Vec3};
 
 use crate::field::VisibilityField;
-use crate::field::query::Bias;
+use crate::field::query::{Bias, QueryOptions, Ray};
 use crate::scene::{Placement, Scene};
 use sampling::{DiscBasis, disc_samples, sphere_samples};
 
@@ -87,12 +87,9 @@ pub fn ambient_occlusion(scene: &Scene, receiver: &Receiver, settings: &AmbientO
     let placements = scene.place(receiver.position);
     let occluders = facing(&placements, receiver.normal);
     let rays = settings.rays.max(1);
-    let occluded = sphere_samples(rays)
-        .into_iter()
-        .map(|sample| cosine_direction(receiver.normal, sample))
-        .filter(|&ray| occluders.iter().any(|occluder| occluder.blocks(ray, settings.max_distance, settings.bias)))
-        .count();
-    occluded as f32 / rays as f32
+    let directions: Vec<Vec3> =
+        sphere_samples(rays).into_iter().map(|sample| cosine_direction(receiver.normal, sample)).collect();
+    blocked_share(&occluders, directions, settings.max_distance, settings.bias)
 }
 
 /// The fraction of the light's disc that the receiver sees, of what is above its horizon, in [0, 1]; 1 for receivers that
@@ -104,13 +101,22 @@ pub fn directional_visibility(scene: &Scene, receiver: &Receiver, light: &Direct
     let placements = scene.place(receiver.position);
     let occluders = facing(&placements, receiver.normal);
     let rays = light.rays_above(receiver.normal);
-    let blocked = |ray: Vec3| occluders.iter().any(|occluder| occluder.blocks(ray, f32::INFINITY, light.bias));
-    1.0 - rays.iter().filter(|&&ray| blocked(ray)).count() as f32 / rays.len().max(1) as f32
+    1.0 - blocked_share(&occluders, rays, f32::INFINITY, light.bias)
 }
 
 /// Placements that were made relative to a receiver, as it sees them.
 fn facing<'a>(placements: &'a [(Placement, &'a VisibilityField)], normal: Vec3) -> Vec<FacingOccluder<'a>> {
     placements.iter().map(|placed| FacingOccluder::new(placed, Vec3::ZERO, normal)).collect()
+}
+
+/// The share of rays that any of the occluders blocks.
+fn blocked_share(occluders: &[FacingOccluder], directions: Vec<Vec3>, t_max: f32, bias: Bias) -> f32 {
+    let count = directions.len();
+    let mut unblocked = directions;
+    for occluder in occluders {
+        unblocked = occluder.unblocked(unblocked, t_max, bias);
+    }
+    (count - unblocked.len()) as f32 / count.max(1) as f32
 }
 
 /// A direction of the hemisphere around `normal`, cosine-distributed if `sample` is uniform on the unit sphere: the
@@ -140,8 +146,25 @@ impl<'a> FacingOccluder<'a> {
 
     /// Whether it blocks the ray from the receiver in a direction of the world.
     fn blocks(&self, direction: Vec3, t_max: f32, bias: Bias) -> bool {
-        let along = self.placement.field_from_world.transform_vector3(direction);
-        self.field.occluded(self.origin, along, t_max, self.normal, bias)
+        self.field.occluded(&self.ray(direction, t_max), &self.options(bias))
+    }
+
+    /// The directions that it does not block.
+    fn unblocked(&self, mut directions: Vec<Vec3>, t_max: f32, bias: Bias) -> Vec<Vec3> {
+        let rays: Vec<Ray> = directions.iter().map(|&direction| self.ray(direction, t_max)).collect();
+        let mut occluded = vec![false; rays.len()];
+        self.field.occluded_batch(&rays, &self.options(bias), &mut occluded);
+        let mut occluded = occluded.into_iter();
+        directions.retain(|_| occluded.next() == Some(false));
+        directions
+    }
+
+    fn ray(&self, direction: Vec3, t_max: f32) -> Ray {
+        Ray { origin: self.origin, direction: self.placement.field_from_world.transform_vector3(direction), t_max }
+    }
+
+    fn options(&self, bias: Bias) -> QueryOptions {
+        QueryOptions { normal: self.normal, bias, ..QueryOptions::default() }
     }
 }
 

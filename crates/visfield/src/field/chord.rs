@@ -22,13 +22,13 @@ pub struct Chord {
 
 impl Chord {
     /// The ray parameter where the line enters the sphere.
-    #[inline]
+    #[inline(always)]
     pub fn t_entry(&self) -> f32 {
         self.t_middle - self.t_half
     }
 
     /// The ray parameter where the line leaves the sphere.
-    #[inline]
+    #[inline(always)]
     pub fn t_exit(&self) -> f32 {
         self.t_middle + self.t_half
     }
@@ -36,17 +36,24 @@ impl Chord {
 
 /// The chord of the line `origin + t·direction`, or `None` if the line passes the unit sphere by. The direction needs no
 /// normalisation.
+#[inline(always)]
+pub fn chord(origin: Vec3, direction: Vec3) -> Option<Chord> {
+    let chord = line_chord(origin, direction);
+    // A NaN from a zero direction fails this test too.
+    (chord.t_half > 0.0).then_some(chord)
+}
+
+/// The same without a branch: `t_half` is not above 0, maybe NaN, for a line that passes by.
 ///
 /// The stable form of Haines et al., *Precision Improvements for Ray/Sphere Intersection* (Ray Tracing Gems, ch. 7):
 /// first the nearest point to the centre, then the half-length from its remaining distance. `b² − 4ac` is never formed.
-#[inline]
-pub fn chord(origin: Vec3, direction: Vec3) -> Option<Chord> {
+#[inline(always)]
+pub(super) fn line_chord(origin: Vec3, direction: Vec3) -> Chord {
     let a = direction.dot(direction);
     let t_middle = -origin.dot(direction) / a;
     let middle = origin + direction * t_middle;
     let inside = 1.0 - middle.dot(middle);
-    // A NaN from a zero direction fails this test too.
-    (inside > 0.0).then(|| Chord { middle, t_middle, t_half: (inside / a).sqrt() })
+    Chord { middle, t_middle, t_half: (inside / a).sqrt() }
 }
 
 #[cfg(test)]

@@ -12,20 +12,46 @@ use glam::{Vec2, Vec3, vec2, vec3};
 /// let cell = octahedral_cell(glam::vec3(0.3, -0.4, 0.8), 32);
 /// assert_eq!(octahedral_cell(octahedral_direction(cell, 32), 32), cell);
 /// ```
-#[inline]
+#[inline(always)]
 pub fn octahedral_cell(p: Vec3, side: u32) -> u32 {
-    let folded = vec2(p.x, p.y) / (p.x.abs() + p.y.abs() + p.z.abs());
-    let uv = if p.z < 0.0 { fold(folded) } else { folded };
-    let grid = ((uv * 0.5 + 0.5) * side as f32).floor();
-    let last = side - 1;
-    // Casts saturate and send NaN to 0, as the clamps of the twin do.
-    (grid.y as u32).min(last) * side + (grid.x as u32).min(last)
+    cell_number(octahedral_grid(p, side), side)
 }
 
 /// The unit vector to the centre of a cell.
-#[inline]
+#[inline(always)]
 pub fn octahedral_direction(cell: u32, side: u32) -> Vec3 {
-    let grid = vec2((cell % side) as f32, (cell / side) as f32);
+    grid_direction(vec2((cell % side) as f32, (cell / side) as f32), side)
+}
+
+/// The cell that contains `p`, and the unit vector to its centre: what [`octahedral_cell`] and [`octahedral_direction`]
+/// give, without integer division.
+#[inline(always)]
+pub fn octahedral_snap(p: Vec3, side: u32) -> (u32, Vec3) {
+    let grid = octahedral_grid(p, side);
+    (cell_number(grid, side), grid_direction(grid, side))
+}
+
+/// Column and row of the cell that contains `p`, whole numbers below `side`.
+#[inline(always)]
+fn octahedral_grid(p: Vec3, side: u32) -> Vec2 {
+    let folded = vec2(p.x, p.y) / (p.x.abs() + p.y.abs() + p.z.abs());
+    let uv = if p.z < 0.0 { fold(folded) } else { folded };
+    let grid = (uv * 0.5 + 0.5) * side as f32;
+    let last = (side - 1) as f32;
+    // NaN becomes 0, as in the twin.
+    vec2(grid.x.floor().max(0.0).min(last), grid.y.floor().max(0.0).min(last))
+}
+
+/// Exact for whole numbers below 2²³, and made of nothing but additions: casts of floats saturate in Rust, which costs more.
+#[inline(always)]
+fn cell_number(grid: Vec2, side: u32) -> u32 {
+    const WHOLE: f32 = 8_388_608.0;
+    let integer = |x: f32| (x + WHOLE).to_bits() - WHOLE.to_bits();
+    integer(grid.y) * side + integer(grid.x)
+}
+
+#[inline(always)]
+fn grid_direction(grid: Vec2, side: u32) -> Vec3 {
     let uv = (grid + 0.5) / side as f32 * 2.0 - 1.0;
     let z = 1.0 - uv.x.abs() - uv.y.abs();
     let xy = if z < 0.0 { fold(uv) } else { uv };
@@ -33,7 +59,7 @@ pub fn octahedral_direction(cell: u32, side: u32) -> Vec3 {
 }
 
 /// Mean width of a cell on the unit sphere: the square root of its mean solid angle.
-#[inline]
+#[inline(always)]
 pub fn cell_width(side: u32) -> f32 {
     /// √4π
     const SQRT_SPHERE: f32 = 3.544_907_7;
@@ -41,7 +67,7 @@ pub fn cell_width(side: u32) -> f32 {
 }
 
 /// Mirrors the corners of the square onto the lower hemisphere, and back.
-#[inline]
+#[inline(always)]
 fn fold(uv: Vec2) -> Vec2 {
     let sign = vec2(if uv.x >= 0.0 { 1.0 } else { -1.0 }, if uv.y >= 0.0 { 1.0 } else { -1.0 });
     (1.0 - vec2(uv.y.abs(), uv.x.abs())) * sign

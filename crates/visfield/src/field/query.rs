@@ -1,11 +1,82 @@
-//! Rays against one field, in field space (the bounding sphere is the unit sphere).
+//! Single rays against one field, in field space (the bounding ellipsoid is the unit sphere).
 
 use glam::Vec3;
 
+use super::VisibilityField;
 use super::chord::{Chord, chord};
-use super::lookup::{Lookup, forward_lookup, point_on_chord, reversed_lookup};
+use super::lookup::{Aim, ChordGrid, Lookup, forward_lookup, reversed_lookup};
 use super::octahedral::cell_width;
-use super::{VisibilityField, decode_u8};
+
+/// A ray, or a segment of one: the points `origin + t·direction` with t in [0, `t_max`).
+///
+/// The direction needs no normalisation: t counts direction vectors. Any values are allowed; what is not a ray (a zero or
+/// non-finite direction, a non-finite origin, a NaN for an end) hits nothing.
+///
+/// ```
+/// use glam::{Vec3, vec3};
+/// use visfield::Ray;
+/// let ray = Ray::new(vec3(-3.0, 0.0, 0.0), Vec3::X);
+/// assert_eq!(ray.t_max, f32::INFINITY);
+/// let segment = Ray { t_max: 2.0, ..ray };
+/// # _ = segment;
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ray {
+    /// Where it starts.
+    pub origin: Vec3,
+    /// Where it goes, of any length.
+    pub direction: Vec3,
+    /// Where it ends, in direction vectors; may be infinite.
+    pub t_max: f32,
+}
+
+impl Ray {
+    /// A ray without end.
+    pub fn new(origin: Vec3, direction: Vec3) -> Self {
+        Self { origin, direction, t_max: f32::INFINITY }
+    }
+
+    /// The same points with a direction whose square neither overflows nor vanishes, and how many of its vectors make one
+    /// of the old ones. A power of two, so that nothing is rounded.
+    #[inline]
+    pub(super) fn rescaled(&self) -> (Self, f32) {
+        let largest = self.direction.abs().max_element();
+        if is_ordinary(self.direction) || !(largest > 0.0 && largest.is_finite()) {
+            return (*self, 1.0);
+        }
+        // The exponent's bits of a subnormal number are 0; then the smallest power of two whose inverse is finite will do.
+        let exponent = (largest.to_bits() >> 23).clamp(1, 253);
+        let power_of_two = |exponent: u32| f32::from_bits(exponent << 23);
+        let (scale, inverse) = (power_of_two(exponent), power_of_two(254 - exponent));
+        let direction = self.direction * inverse;
+        (Self { direction, t_max: self.t_max * scale, ..*self }, scale)
+    }
+}
+
+/// Whether a direction can be squared without trouble.
+#[inline(always)]
+pub(super) fn is_ordinary(direction: Vec3) -> bool {
+    let Vec3 { x, y, z } = direction.abs();
+    let largest = x.max(y).max(z);
+    (largest >= 1.0e-12) & (largest <= 1.0e12)
+}
+
+/// How a field answers a ray.
+///
+/// ```
+/// use visfield::field::{lookup::Aim, query::QueryOptions};
+/// let fast = QueryOptions { aim: Aim::Plain, ..QueryOptions::default() };
+/// assert_eq!(fast.normal, glam::Vec3::ZERO);
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct QueryOptions {
+    /// How rays are snapped to the chords of the table.
+    pub aim: Aim,
+    /// The unit normal, in field space, of the surface that the rays leave, or zero if they leave none.
+    pub normal: Vec3,
+    /// How near to the origin hits do not count, for origins inside the bounds.
+    pub bias: Bias,
+}
 
 /// How near to the surface that a ray leaves hits do not count.
 ///
@@ -17,9 +88,10 @@ use super::{VisibilityField, decode_u8};
 /// never of an absolute length.
 ///
 /// ```
-/// let bias = visfield::field::query::Bias::default();
+/// use visfield::{Encoding, field::query::{Bias, Resolution}};
+/// let (bias, resolution) = (Bias::default(), Resolution { exits: 32, half_quantum: Encoding::U8.half_quantum() });
 /// // Near the far end of a long chord the exit cell spreads wider than near its start.
-/// assert!(bias.height(32, 1.8, 2.0) > bias.height(32, 0.2, 2.0));
+/// assert!(bias.height(resolution, 1.8, 2.0) > bias.height(resolution, 0.2, 2.0));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bias {
@@ -35,15 +107,15 @@ impl Bias {
 
     /// The least height above the tangent plane, in field-space length, for an origin that lies `before` along a stored
     /// chord of `length`.
-    #[inline]
-    pub fn height(&self, exits: u32, before: f32, length: f32) -> f32 {
-        length * HALF_QUANTUM + exit_spread(exits, before, length) * self.height
+    #[inline(always)]
+    pub fn height(&self, resolution: Resolution, before: f32, length: f32) -> f32 {
+        length * resolution.half_quantum + exit_spread(resolution, before, length) * self.height
     }
 
     /// The least distance along the ray, likewise.
-    #[inline]
-    pub fn along(&self, exits: u32, before: f32, length: f32) -> f32 {
-        length * HALF_QUANTUM + exit_spread(exits, before, length) * self.along
+    #[inline(always)]
+    pub fn along(&self, resolution: Resolution, before: f32, length: f32) -> f32 {
+        length * resolution.half_quantum + exit_spread(resolution, before, length) * self.along
     }
 }
 
@@ -54,52 +126,74 @@ impl Default for Bias {
     }
 }
 
-/// Half a step of the chord fraction.
-const HALF_QUANTUM: f32 = 0.5 / 254.0;
+/// How finely a table knows where a chord ends and where it is hit.
+///
+/// ```
+/// # let field = visfield::field::example_field();
+/// assert_eq!(field.resolution().half_quantum, 0.5 / 254.0);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Resolution {
+    /// Side of the grid of chord ends.
+    pub exits: u32,
+    /// Half a step of the chord fraction.
+    pub half_quantum: f32,
+}
 
 /// How wide the chords of one exit cell spread, where they have come `before` of their `length`.
-#[inline]
-fn exit_spread(exits: u32, before: f32, length: f32) -> f32 {
-    cell_width(exits) * before / length.max(f32::MIN_POSITIVE)
+#[inline(always)]
+fn exit_spread(resolution: Resolution, before: f32, length: f32) -> f32 {
+    cell_width(resolution.exits) * before / length.max(f32::MIN_POSITIVE)
 }
 
 impl VisibilityField {
-    /// Where the line `origin + t·direction` first meets the mesh after entering the bounding sphere, as the ray parameter
-    /// t. Meant for origins outside the sphere; from inside it answers for the whole line.
+    /// The ray parameter t of the first known hit along a ray.
+    ///
+    /// From outside the bounds this is the first hit. From inside, a table knows the first and the last hit of the whole
+    /// line and nothing between them: if there is a surface behind the origin too, the answer is the last hit ahead, at or
+    /// beyond the nearest one.
     ///
     /// ```
+    /// use visfield::{Ray, field::query::QueryOptions};
     /// # let field = visfield::field::example_field();
-    /// let t = field.first_hit(glam::vec3(0.0, 0.0, 4.0), glam::vec3(0.0, 0.0, -2.0)).unwrap();
+    /// let ray = Ray::new(glam::vec3(0.0, 0.0, 4.0), glam::vec3(0.0, 0.0, -2.0));
+    /// let t = field.hit(&ray, &QueryOptions::default()).unwrap();
     /// assert!((t - 1.75).abs() < 0.05); // a ball of radius 1/2; t counts direction vectors
     /// ```
     #[inline]
-    pub fn first_hit(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
-        self.first_hit_on_chord(direction, &chord(origin, direction)?)
+    pub fn hit(&self, ray: &Ray, options: &QueryOptions) -> Option<f32> {
+        let (ray, scale) = ray.rescaled();
+        Some(self.known_hit(&ray, options, true)? / scale)
     }
 
-    /// Where the line `origin + t·direction` last meets the mesh before leaving the bounding sphere, as the ray parameter
-    /// t: the reversed lookup of the 2010 paper (§3.2, *intra-object occlusion*). Meant for origins inside the sphere.
-    #[inline]
-    pub fn last_hit(&self, origin: Vec3, direction: Vec3) -> Option<f32> {
-        let c = chord(origin, direction)?;
-        let lookup = reversed_lookup(self.shape(), origin, direction, &c);
-        Some((lookup.before - self.fraction(&lookup)? * lookup.length) / direction.length())
-    }
-
-    /// Whether anything lies between the origin and `t_max` along the ray.
+    /// The length of the ray up to its [first known hit](Self::hit), in field-space units (bounding radii if the bounds are
+    /// a sphere); infinite if it hits nothing.
     ///
-    /// `normal` is the unit normal, in field space, of the surface that the ray leaves, or zero if it leaves none; `t_max`
-    /// may be infinite. An origin outside the sphere asks forwards. An origin inside asks backwards, from the far side: the
-    /// ray is occluded iff the last hit lies beyond the bias. For a *segment* that ends before the last hit, the forward
-    /// lookup decides; from inside it is blocked by whatever lies behind the origin, so that a short segment from the
-    /// mesh's own surface may miss what it should hit. A table knows lines, not points within them.
+    /// ```
+    /// use visfield::{Ray, field::query::QueryOptions};
+    /// # let field = visfield::field::example_field();
+    /// let ray = Ray::new(glam::vec3(0.0, 0.0, 4.0), glam::vec3(0.0, 0.0, -2.0));
+    /// assert!((field.distance(&ray, &QueryOptions::default()) - 3.5).abs() < 0.1);
+    /// ```
+    #[inline]
+    pub fn distance(&self, ray: &Ray, options: &QueryOptions) -> f32 {
+        let (ray, _) = ray.rescaled();
+        self.known_hit(&ray, options, true).map_or(f32::INFINITY, |t| t * ray.direction.length())
+    }
+
+    /// Whether anything lies along the ray before its end.
+    ///
+    /// An origin outside the bounds asks forwards. An origin inside asks backwards, from the far side: the ray is occluded
+    /// iff the last hit lies beyond the bias (2010, §3.2, *intra-object occlusion*). For a *segment* that ends before the
+    /// last hit, the forward lookup decides; from inside it is blocked by whatever lies behind the origin, so that a short
+    /// segment from the mesh's own surface may miss what it should hit. A table knows lines, not points within them.
     ///
     /// ```
     /// use glam::{Vec3, vec3};
-    /// use visfield::field::query::Bias;
+    /// use visfield::{Ray, field::query::QueryOptions};
     /// # let field = visfield::field::example_field();
     /// let occluded = |x: f32, t_max: f32| {
-    ///     field.occluded(vec3(x, 0.0, 0.0), vec3(1.0, 0.0, 0.0), t_max, Vec3::ZERO, Bias::default())
+    ///     field.occluded(&Ray { origin: vec3(x, 0.0, 0.0), direction: Vec3::X, t_max }, &QueryOptions::default())
     /// };
     /// assert!(occluded(-3.0, f32::INFINITY)); // outside, the ball ahead
     /// assert!(!occluded(-3.0, 2.0)); // too short to reach it
@@ -107,42 +201,72 @@ impl VisibilityField {
     /// assert!(!occluded(0.8, f32::INFINITY)); // and behind
     /// ```
     #[inline]
-    pub fn occluded(&self, origin: Vec3, direction: Vec3, t_max: f32, normal: Vec3, bias: Bias) -> bool {
-        let Some(c) = chord(origin, direction) else { return false };
+    pub fn occluded(&self, ray: &Ray, options: &QueryOptions) -> bool {
+        let (ray, _) = ray.rescaled();
+        self.known_hit(&ray, options, false).is_some()
+    }
+
+    /// Where the line through the ray last meets the mesh before leaving the bounds, as the ray parameter t, behind the
+    /// origin too: the reversed lookup of the 2010 paper (§3.2).
+    #[inline]
+    pub fn last_hit(&self, ray: &Ray, aim: Aim) -> Option<f32> {
+        let (ray, scale) = ray.rescaled();
+        let c = chord(ray.origin, ray.direction)?;
+        let lookup = reversed_lookup(&self.grid(), ray.origin, ray.direction, &c, aim);
+        let fraction = self.codes().fraction(lookup.index)?;
+        Some((lookup.before - fraction * lookup.length) / ray.direction.length() / scale)
+    }
+
+    /// A hit along the ray, if there is one: the first that is known if `nearest`, else any.
+    #[inline(always)]
+    fn known_hit(&self, ray: &Ray, options: &QueryOptions, nearest: bool) -> Option<f32> {
+        let Ray { origin, direction, t_max } = *ray;
+        let c = chord(origin, direction)?;
         if c.t_exit() <= 0.0 || c.t_entry() >= t_max {
-            return false;
+            return None;
         }
-        let forward = || self.first_hit_on_chord(direction, &c);
+        let first_hit = || self.first_hit_on_chord(direction, &c, options.aim);
         if c.t_entry() >= 0.0 {
-            return forward().is_some_and(|t| t < t_max);
+            return first_hit().filter(|t| *t < t_max);
         }
-        let lookup = reversed_lookup(self.shape(), origin, direction, &c);
-        let Some(fraction) = self.fraction(&lookup) else { return false };
+        let lookup = reversed_lookup(&self.grid(), origin, direction, &c, options.aim);
+        let fraction = self.codes().fraction(lookup.index)?;
         let length = direction.length();
         let t_last = (lookup.before - fraction * lookup.length) / length;
-        let t_bias = bias.along(self.shape().exits, lookup.before, lookup.length) / length;
-        if t_last <= t_bias || !self.rises_above(&lookup, fraction, origin, normal, bias) {
-            return false;
+        let t_bias = options.bias.along(self.resolution(), lookup.before, lookup.length) / length;
+        if t_last <= t_bias || !rises_above(self.resolution(), &lookup, fraction, origin, options) {
+            return None;
         }
-        t_last < t_max || forward().is_some_and(|t| t > t_bias && t < t_max)
+        if t_last < t_max && !nearest {
+            return Some(t_last);
+        }
+        first_hit().filter(|t| *t > t_bias && *t < t_max).or((t_last < t_max).then_some(t_last))
     }
 
-    /// Whether a hit rises above the surface that the ray leaves, by more than the bias.
-    #[inline]
-    fn rises_above(&self, lookup: &Lookup, fraction: f32, origin: Vec3, normal: Vec3, bias: Bias) -> bool {
-        let height = (point_on_chord(self.shape(), lookup.index, fraction) - origin).dot(normal);
-        normal == Vec3::ZERO || height > bias.height(self.shape().exits, lookup.before, lookup.length)
-    }
-
-    #[inline]
-    fn first_hit_on_chord(&self, direction: Vec3, chord: &Chord) -> Option<f32> {
-        let lookup = forward_lookup(self.shape(), direction, chord);
-        let past_middle = self.fraction(&lookup)? * lookup.length - lookup.before;
+    #[inline(always)]
+    fn first_hit_on_chord(&self, direction: Vec3, chord: &Chord, aim: Aim) -> Option<f32> {
+        let lookup = forward_lookup(&self.grid(), direction, chord, aim);
+        let past_middle = self.codes().fraction(lookup.index)? * lookup.length - lookup.before;
         Some(chord.t_middle + past_middle / direction.length())
     }
 
+    /// How finely the table knows where chords end and are hit.
     #[inline]
-    fn fraction(&self, lookup: &Lookup) -> Option<f32> {
-        decode_u8(self.table[lookup.index as usize])
+    pub fn resolution(&self) -> Resolution {
+        Resolution { exits: self.grid().exit_side(), half_quantum: self.header().encoding.half_quantum() }
     }
+}
+
+/// Whether a hit rises above the surface that the ray leaves, by more than the bias.
+#[inline(always)]
+pub(super) fn rises_above(
+    resolution: Resolution,
+    lookup: &Lookup,
+    fraction: f32,
+    origin: Vec3,
+    options: &QueryOptions,
+) -> bool {
+    let height = (lookup.point_on_chord(fraction) - origin).dot(options.normal);
+    let least = options.bias.height(resolution, lookup.before, lookup.length);
+    (options.normal == Vec3::ZERO) | (height > least)
 }

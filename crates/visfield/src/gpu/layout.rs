@@ -5,6 +5,7 @@ use glam::{UVec2, Vec3};
 
 use super::FieldSlot;
 use crate::estimate::frame::{FrameLight, MAX_LIGHTS, TraceSettings};
+use crate::field::Encoding;
 use crate::scene::Placement;
 
 /// One occluder, `Instance` in `shaders/trace.wgsl`.
@@ -27,8 +28,9 @@ pub struct InstanceData {
     pub entries: u32,
     /// Side of the table's grid of chord exits.
     pub exits: u32,
-    /// Aligns the next instance.
-    pub padding: u32,
+    /// How the table is encoded: 0 for [`Encoding::U8`], 1 for [`Encoding::Bit`], 2 for [`Encoding::U16`], 3 for
+    /// [`Encoding::F32`].
+    pub encoding: u32,
 }
 
 impl InstanceData {
@@ -44,10 +46,20 @@ impl InstanceData {
             center: placement.center.to_array(),
             radius: placement.radius,
             first_byte: slot.first_byte(),
-            entries: slot.shape().entries,
-            exits: slot.shape().exits,
-            padding: 0,
+            entries: slot.grid().entries,
+            exits: slot.grid().exits,
+            encoding: encoding_number(slot.encoding()),
         }
+    }
+}
+
+/// An encoding as shaders know it.
+pub fn encoding_number(encoding: Encoding) -> u32 {
+    match encoding {
+        Encoding::U8 => 0,
+        Encoding::Bit => 1,
+        Encoding::U16 => 2,
+        Encoding::F32 => 3,
     }
 }
 

@@ -3,8 +3,8 @@
 use range_alloc::RangeAllocator;
 use thiserror::Error;
 
-use crate::field::lookup::TableShape;
-use crate::field::{BoundingSphere, VisibilityField};
+use crate::field::lookup::{Grid, TwoPointGrid};
+use crate::field::{BoundingEllipsoid, Encoding, VisibilityField};
 
 /// First size of the buffer in words: next to nothing, for scenes without fields.
 const FIRST_WORDS: u64 = 1024;
@@ -23,14 +23,18 @@ pub enum PoolError {
         /// Largest pool that the adapter can bind, in bytes.
         limit: u64,
     },
+    /// The passes read two-point tables only.
+    #[error("the GPU passes read two-point fields only; bake this one without `--representation hemisphere`")]
+    Representation,
 }
 
 /// Where a field lies in the pool. Give it back with [`FieldPool::remove`].
 #[derive(Debug)]
 pub struct FieldSlot {
     words: std::ops::Range<u64>,
-    shape: TableShape,
-    bounds: BoundingSphere,
+    grid: TwoPointGrid,
+    encoding: Encoding,
+    bounds: BoundingEllipsoid,
 }
 
 impl FieldSlot {
@@ -40,12 +44,17 @@ impl FieldSlot {
     }
 
     /// The sides of the table's grids.
-    pub fn shape(&self) -> TableShape {
-        self.shape
+    pub fn grid(&self) -> TwoPointGrid {
+        self.grid
     }
 
-    /// The field's bounding sphere in its mesh's space.
-    pub fn bounds(&self) -> &BoundingSphere {
+    /// How the table is encoded.
+    pub fn encoding(&self) -> Encoding {
+        self.encoding
+    }
+
+    /// The field's bounding ellipsoid in its mesh's space.
+    pub fn bounds(&self) -> &BoundingEllipsoid {
         &self.bounds
     }
 }
@@ -101,13 +110,15 @@ impl FieldPool {
     /// Uploads a field's table.
     ///
     /// # Errors
-    /// [`PoolError::Full`] if the adapter's limit leaves no room; the pool stays as it was.
+    /// [`PoolError::Full`] if the adapter's limit leaves no room, [`PoolError::Representation`] for a field that the passes do
+    /// not read; the pool stays as it was.
     pub fn insert(
         &mut self,
         device: &wgpu::Device,
         queue: &wgpu::Queue,
         field: &VisibilityField,
     ) -> Result<FieldSlot, PoolError> {
+        let Grid::TwoPoint(grid) = field.grid() else { return Err(PoolError::Representation) };
         let table = field.table();
         let words = (table.len() as u64).div_ceil(4);
         let range = if let Ok(range) = self.words.allocate_range(words) {
@@ -127,7 +138,8 @@ impl FieldPool {
         self.statistics.uploads += 1;
         self.statistics.uploaded_bytes += words * 4;
         self.statistics.resident_bytes += words * 4;
-        Ok(FieldSlot { words: range, shape: field.shape(), bounds: field.header().bounds })
+        let header = field.header();
+        Ok(FieldSlot { words: range, grid, encoding: header.encoding, bounds: header.bounds })
     }
 
     /// Frees a field's place. Frames already encoded may still read it; its bytes stay until the next insertion.

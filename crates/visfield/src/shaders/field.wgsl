@@ -1,23 +1,26 @@
-// Rays against one field, in field space. Twins: field/{octahedral,chord,lookup,query}.rs, same names, same order of
+// Rays against one field, in field space. Twins: field/{octahedral,chord,lookup,encoding,query}.rs, same names, same order of
 // operations, so that both sides agree on table indices.
 //
 // Expects `tables: array<u32>`, the packed bytes of all fields, to be declared by the including shader.
 
-// The code of a chord without a hit; codes below are fractions in steps of 1/254.
-const NO_HIT_CODE: u32 = 255u;
-const FRACTION_QUANTUM: f32 = 1.0 / 254.0;
+// How a table is encoded (layout::encoding_number).
+const U8: u32 = 0u;
+const BIT: u32 = 1u;
+const U16: u32 = 2u;
+const F32: u32 = 3u;
 // Stands for "no hit" where Rust has `None`. WGSL has no portable infinity.
 const NO_HIT: f32 = 3.0e38;
 const GRAZING: f32 = 1.0e-3;
-const HALF_QUANTUM: f32 = 0.5 / 254.0;
 // √4π
 const SQRT_SPHERE: f32 = 3.5449077;
 
-// One table among `tables`: its first byte, and the sides of its two grids.
+// One table among `tables`: its first byte, a multiple of 4, the sides of its two grids, and how it is encoded. Stands for
+// what Rust finds in a field: TwoPointGrid, Codes and Resolution.
 struct TableShape {
     first_byte: u32,
     entries: u32,
     exits: u32,
+    encoding: u32,
 }
 
 // t_half is 0 if the line misses the sphere.
@@ -105,11 +108,47 @@ fn reversed_lookup(shape: TableShape, origin: vec3<f32>, direction: vec3<f32>, c
     return aimed_lookup(shape, c.middle + half, c.middle - half, origin);
 }
 
+// Byte `index` of a table.
+fn byte(shape: TableShape, index: u32) -> u32 {
+    let at = shape.first_byte + index;
+    return (tables[at >> 2u] >> ((at & 3u) * 8u)) & 0xffu;
+}
+
 // The fraction of a chord at which the first surface is met, or NO_HIT.
 fn fraction(shape: TableShape, index: u32) -> f32 {
-    let byte = shape.first_byte + index;
-    let code = (tables[byte >> 2u] >> ((byte & 3u) * 8u)) & 0xffu;
-    return select(f32(code) * FRACTION_QUANTUM, NO_HIT, code == NO_HIT_CODE);
+    switch shape.encoding {
+        case BIT: {
+            let word = tables[(shape.first_byte >> 2u) + (index >> 5u)];
+            if ((word >> (index & 31u)) & 1u) == 0u {
+                return NO_HIT;
+            }
+            // The means of the starts lie behind the bits.
+            let chords_per_start = shape.exits * shape.exits;
+            let chords = shape.entries * shape.entries * chords_per_start;
+            let mean = byte(shape, (chords >> 3u) + u32((chords & 7u) != 0u) + index / chords_per_start);
+            return f32(mean) * (1.0 / 254.0);
+        }
+        case U16: {
+            let code = (tables[(shape.first_byte >> 2u) + (index >> 1u)] >> ((index & 1u) * 16u)) & 0xffffu;
+            return select(f32(code) * (1.0 / 65534.0), NO_HIT, code == 65535u);
+        }
+        case F32: {
+            let value = bitcast<f32>(tables[(shape.first_byte >> 2u) + index]);
+            return select(value, NO_HIT, value < 0.0);
+        }
+        default: {
+            let code = byte(shape, index);
+            return select(f32(code) * (1.0 / 254.0), NO_HIT, code == 255u);
+        }
+    }
+}
+
+fn half_quantum(encoding: u32) -> f32 {
+    switch encoding {
+        case U16: { return 0.5 / 65534.0; }
+        case F32: { return 0.0; }
+        default: { return 0.5 / 254.0; }
+    }
 }
 
 fn point_on_chord(shape: TableShape, index: u32, fraction: f32) -> vec3<f32> {
@@ -119,16 +158,16 @@ fn point_on_chord(shape: TableShape, index: u32, fraction: f32) -> vec3<f32> {
     return start + (end - start) * fraction;
 }
 
-fn exit_spread(exits: u32, before: f32, length: f32) -> f32 {
-    return cell_width(exits) * before / max(length, 1.1754944e-38);
+fn exit_spread(shape: TableShape, before: f32, length: f32) -> f32 {
+    return cell_width(shape.exits) * before / max(length, 1.1754944e-38);
 }
 
-fn bias_height(bias: Bias, exits: u32, before: f32, length: f32) -> f32 {
-    return length * HALF_QUANTUM + exit_spread(exits, before, length) * bias.height;
+fn bias_height(bias: Bias, shape: TableShape, before: f32, length: f32) -> f32 {
+    return length * half_quantum(shape.encoding) + exit_spread(shape, before, length) * bias.height;
 }
 
-fn bias_along(bias: Bias, exits: u32, before: f32, length: f32) -> f32 {
-    return length * HALF_QUANTUM + exit_spread(exits, before, length) * bias.along;
+fn bias_along(bias: Bias, shape: TableShape, before: f32, length: f32) -> f32 {
+    return length * half_quantum(shape.encoding) + exit_spread(shape, before, length) * bias.along;
 }
 
 fn rises_above(
@@ -140,7 +179,7 @@ fn rises_above(
     bias: Bias,
 ) -> bool {
     let height = dot(point_on_chord(shape, lookup.index, fraction) - origin, normal);
-    return all(normal == vec3<f32>(0.0)) || height > bias_height(bias, shape.exits, lookup.before, lookup.length);
+    return all(normal == vec3<f32>(0.0)) || height > bias_height(bias, shape, lookup.before, lookup.length);
 }
 
 // NO_HIT where Rust has `None`.
@@ -174,7 +213,7 @@ fn occluded(
     }
     let direction_length = length(direction);
     let t_last = (lookup.before - fraction * lookup.length) / direction_length;
-    let t_bias = bias_along(bias, shape.exits, lookup.before, lookup.length) / direction_length;
+    let t_bias = bias_along(bias, shape, lookup.before, lookup.length) / direction_length;
     if t_last <= t_bias || !rises_above(shape, lookup, fraction, origin, normal, bias) {
         return false;
     }

@@ -10,7 +10,7 @@ struct Instance {
     first_byte: u32,
     entries: u32,
     exits: u32,
-    padding: u32,
+    encoding: u32,
 }
 
 @group(0) @binding(3) var<storage, read> tables: array<u32>;
@@ -113,7 +113,12 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
         if !above_surface(to_center, radius, receiver.normal) {
             continue;
         }
-        let shape = TableShape(instances[i].first_byte, instances[i].entries, instances[i].exits);
+        let shape = TableShape(
+            instances[i].first_byte,
+            instances[i].entries,
+            instances[i].exits,
+            instances[i].encoding,
+        );
         let origin = to_field(instances[i], vec4<f32>(receiver.position, 1.0));
         let normal = field_normal(instances[i], receiver.normal);
         if length(to_center) - radius < frame.max_distance {

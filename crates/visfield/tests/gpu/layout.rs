@@ -45,7 +45,7 @@ fn rust_layouts_are_the_shaders_layouts() {
             ("first_byte", offset_of!(InstanceData, first_byte)),
             ("entries", offset_of!(InstanceData, entries)),
             ("exits", offset_of!(InstanceData, exits)),
-            ("padding", offset_of!(InstanceData, padding)),
+            ("encoding", offset_of!(InstanceData, encoding)),
         ],
     );
     assert_layout(

@@ -5,15 +5,17 @@ use glam::Vec3;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
-use visfield::field::ball_field;
+use visfield::field::ball;
 use visfield::field::chord::chord;
-use visfield::field::lookup::{TableShape, forward_lookup, reversed_lookup};
+use visfield::field::lookup::{Aim, TwoPointGrid, forward_lookup, reversed_lookup};
 use visfield::field::query::Bias;
+use visfield::gpu::layout::encoding_number;
+use visfield::{Encoding, QueryOptions, Ray, Representation, VisibilityField};
 
 use super::device::{buffer_with, device, read_buffer};
 
 const RAYS: usize = 100_000;
-const SHAPE: TableShape = TableShape { entries: 65, exits: 32 };
+const GRID: TwoPointGrid = TwoPointGrid { entries: 65, exits: 32 };
 const NONE: u32 = u32::MAX;
 
 #[repr(C)]
@@ -32,6 +34,7 @@ struct Probe {
 struct Answer {
     forward_index: u32,
     reversed_index: u32,
+    fraction: f32,
     occluded: u32,
     bias_height: f32,
 }
@@ -60,7 +63,7 @@ fn random_probes() -> Vec<Probe> {
     (0..RAYS).map(|_| probe()).collect()
 }
 
-fn on_gpu(device: &wgpu::Device, queue: &wgpu::Queue, table: &[u8], probes: &[Probe]) -> Vec<Answer> {
+fn on_gpu(device: &wgpu::Device, queue: &wgpu::Queue, field: &VisibilityField, probes: &[Probe]) -> Vec<Answer> {
     let source = [visfield::gpu::FIELD_SOURCE, include_str!("lookup.wgsl")].concat();
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
@@ -76,10 +79,15 @@ fn on_gpu(device: &wgpu::Device, queue: &wgpu::Queue, table: &[u8], probes: &[Pr
     });
     let storage = wgpu::BufferUsages::STORAGE;
     let answers = vec![Answer::zeroed(); probes.len()];
+    let shape = [GRID.entries, GRID.exits, encoding_number(field.header().encoding)];
+    // Whole words, as the pool has them.
+    let mut table = field.table().to_vec();
+    table.resize(table.len().next_multiple_of(4), 0);
     let buffers = [
-        buffer_with(device, queue, table, storage),
+        buffer_with(device, queue, &table, storage),
         buffer_with(device, queue, bytemuck::cast_slice(probes), storage),
         buffer_with(device, queue, bytemuck::cast_slice(&answers), storage | wgpu::BufferUsages::COPY_SRC),
+        buffer_with(device, queue, bytemuck::cast_slice(&shape), storage),
     ];
     let entries: Vec<_> = (0..)
         .zip(&buffers)
@@ -102,7 +110,7 @@ fn on_gpu(device: &wgpu::Device, queue: &wgpu::Queue, table: &[u8], probes: &[Pr
 
 /// Whether two table positions are of the same or of touching cells, at both ends of the chord.
 fn at_most_one_cell_away(a: u32, b: u32) -> bool {
-    let exits = SHAPE.exits * SHAPE.exits;
+    let exits = GRID.exits * GRID.exits;
     let near = |a: u32, b: u32, side: u32| {
         let touch = |x: u32, y: u32| (x % side).abs_diff(y % side) <= 1 && (x / side).abs_diff(y / side) <= 1;
         // The map folds the square's edge onto itself: cells that touch there are mirrored along it.
@@ -114,30 +122,40 @@ fn at_most_one_cell_away(a: u32, b: u32) -> bool {
         };
         touch(a, b) || touch(mirrored(a), b)
     };
-    a != NONE && b != NONE && near(a / exits, b / exits, SHAPE.entries) && near(a % exits, b % exits, SHAPE.exits)
+    a != NONE && b != NONE && near(a / exits, b / exits, GRID.entries) && near(a % exits, b % exits, GRID.exits)
 }
 
 #[test]
 fn the_shader_picks_the_same_table_entries_as_its_twin() {
     let Some((device, queue)) = device() else { return };
-    let field = ball_field(0.6, SHAPE.entries, SHAPE.exits);
     let probes = random_probes();
-    let answers = on_gpu(&device, &queue, field.table(), &probes);
+    for encoding in Encoding::ALL {
+        let field = ball(0.6, Representation::TwoPoint { entries: GRID.entries, exits: GRID.exits }, encoding);
+        compare(&field, &probes, &on_gpu(&device, &queue, &field, &probes));
+    }
+}
 
-    let mut different = 0;
-    let mut meeting = 0;
-    let mut different_hits = 0;
-    for (probe, answer) in probes.iter().zip(&answers) {
+fn compare(field: &VisibilityField, probes: &[Probe], answers: &[Answer]) {
+    let (mut different, mut meeting, mut different_hits) = (0, 0, 0);
+    for (probe, answer) in probes.iter().zip(answers) {
         let (origin, direction) = (Vec3::from(probe.origin), Vec3::from(probe.direction));
-        let bias = Bias::default();
+        let options = QueryOptions { normal: Vec3::from(probe.normal), bias: Bias::default(), aim: Aim::Point };
         let (mut forward, mut reversed) = (NONE, NONE);
         if let Some(c) = chord(origin, direction) {
             meeting += 1;
-            forward = forward_lookup(SHAPE, direction, &c).index;
-            let lookup = reversed_lookup(SHAPE, origin, direction, &c);
+            forward = forward_lookup(&GRID, direction, &c, Aim::Point).index;
+            if forward == answer.forward_index {
+                let fraction = field.codes().fraction(forward).unwrap_or(3.0e38);
+                assert!(
+                    (answer.fraction - fraction).abs() < 1e-6 * fraction.max(1.0),
+                    "{} and {fraction}",
+                    answer.fraction
+                );
+            }
+            let lookup = reversed_lookup(&GRID, origin, direction, &c, Aim::Point);
             reversed = lookup.index;
             if reversed == answer.reversed_index {
-                let height = bias.height(SHAPE.exits, lookup.before, lookup.length);
+                let height = options.bias.height(field.resolution(), lookup.before, lookup.length);
                 assert!((answer.bias_height - height).abs() <= 1e-4 * height, "{} and {height}", answer.bias_height);
             }
         }
@@ -147,10 +165,14 @@ fn the_shader_picks_the_same_table_entries_as_its_twin() {
                 assert!(at_most_one_cell_away(mine, theirs), "{mine} and {theirs} for {origin} → {direction}");
             }
         }
-        let occluded = field.occluded(origin, direction, probe.t_max, Vec3::from(probe.normal), bias);
+        let occluded = field.occluded(&Ray { origin, direction, t_max: probe.t_max }, &options);
         different_hits += usize::from(occluded != (answer.occluded == 1));
     }
-    println!("{different} of {} indices and {different_hits} of {RAYS} hits differ; {meeting} rays meet", 2 * meeting);
+    let encoding = field.header().encoding;
+    println!(
+        "{encoding:?}: {different} of {} indices and {different_hits} of {RAYS} hits differ; {meeting} rays meet",
+        2 * meeting
+    );
     assert!(meeting > RAYS * 9 / 10, "only {meeting} rays meet the sphere");
     assert!(different <= 2 * meeting / 10_000, "{different} of {} indices differ", 2 * meeting);
     assert!(different_hits <= RAYS / 10_000, "{different_hits} of {RAYS} hits differ");

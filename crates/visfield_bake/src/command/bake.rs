@@ -8,11 +8,11 @@ use std::time::Instant;
 use clap::Args;
 use indicatif::{DecimalBytes, HumanCount, ProgressBar, ProgressStyle};
 use visfield::VisibilityField;
-use visfield::field::MAX_SIDE;
 use visfield::file;
 use visfield_bake::{BakeError, BakeSettings, Mesh, bake, read_meshes};
 
 use super::CommandError;
+use super::settings::FieldArguments;
 
 /// Bake every mesh of a file into one .vfield file.
 #[derive(Debug, Args)]
@@ -31,16 +31,8 @@ pub(super) struct Arguments {
     /// The file to write [default: MESH with the extension .vfield]
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Side of the grid of points at which rays enter the bounding sphere, 1 to 512 cells
-    #[arg(long, value_name = "CELLS", default_value_t = BakeSettings::default().entries, value_parser = side())]
-    entries: u32,
-    /// Side of the grid of points at which rays leave the bounding sphere, 1 to 512 cells
-    #[arg(long, value_name = "CELLS", default_value_t = BakeSettings::default().exits, value_parser = side())]
-    exits: u32,
-}
-
-fn side() -> clap::builder::RangedI64ValueParser<u32> {
-    clap::value_parser!(u32).range(1..=i64::from(MAX_SIDE))
+    #[command(flatten)]
+    field: FieldArguments,
 }
 
 impl Arguments {
@@ -48,7 +40,7 @@ impl Arguments {
         let output = self.output.clone().unwrap_or_else(|| self.mesh.with_extension("vfield"));
         check_output(&self.mesh, &output)?;
         let meshes = read_meshes(&self.mesh)?;
-        let settings = BakeSettings { entries: self.entries, exits: self.exits };
+        let settings = self.field.settings();
         // Draws on stderr, and only if that is a terminal.
         let bar = ProgressBar::new(settings.rays().saturating_mul(meshes.len() as u64));
         if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent} %  {eta}") {
@@ -108,11 +100,10 @@ fn report_field(report: &mut String, field: &VisibilityField, settings: BakeSett
     let header = field.header();
     _ = writeln!(
         report,
-        "{}: {} triangles, table {}\u{b2} \u{d7} {}\u{b2} = {}, {:.2} s, {:.2} M rays/s",
+        "{}: {} triangles, table {} = {}, {:.2} s, {:.2} M rays/s",
         header.name,
         HumanCount(header.triangles.into()),
-        settings.entries,
-        settings.exits,
+        header.representation,
         DecimalBytes(header.table_bytes()),
         seconds,
         settings.rays() as f64 / seconds * 1e-6,

@@ -6,8 +6,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 use indicatif::{DecimalBytes, HumanCount};
-use visfield::field::NO_HIT_CODE;
-use visfield::{Encoding, Representation, VisibilityField, file};
+use visfield::field::lookup::ChordGrid;
+use visfield::{BoundingEllipsoid, Encoding, Representation, VisibilityField, file};
 
 use super::CommandError;
 
@@ -50,20 +50,36 @@ fn report_field(report: &mut String, field: &VisibilityField) {
         Representation::TwoPoint { entries, exits } => {
             format!("two-point, {entries}\u{b2} entries \u{d7} {exits}\u{b2} exits")
         }
+        Representation::Hemisphere { positions, directions, map } => {
+            format!("hemisphere, {positions} positions \u{d7} {directions}\u{b2} directions, {map:?} map")
+        }
         other => format!("{other:?}"),
     };
     let encoding = match header.encoding {
+        Encoding::Bit => "bit, whether a chord hits anything; distances are means".to_owned(),
         Encoding::U8 => "u8, first hit as a fraction of the chord in steps of 1/254".to_owned(),
+        Encoding::U16 => "u16, first hit as a fraction of the chord in steps of 1/65534".to_owned(),
+        Encoding::F32 => "f32, first hit as a fraction of the chord".to_owned(),
         other => format!("{other:?}"),
     };
-    let [x, y, z] = header.bounds.center;
-    let hits = field.table().iter().filter(|&&code| code != NO_HIT_CODE).count();
-    let share = 100.0 * hits as f64 / field.table().len() as f64;
+    let (codes, chords) = (field.codes(), field.grid().starts() * field.grid().chords_per_start());
+    let hits = (0..chords).filter(|&index| codes.fraction(index).is_some()).count();
+    let share = 100.0 * hits as f64 / f64::from(chords);
     _ = writeln!(report, "\n{}", header.name);
     _ = writeln!(report, "  representation   {representation}");
     _ = writeln!(report, "  encoding         {encoding}");
     _ = writeln!(report, "  table            {} bytes", HumanCount(header.table_bytes()));
-    _ = writeln!(report, "  bounds           centre ({x}, {y}, {z}), radius {} in mesh units", header.bounds.radius);
+    _ = writeln!(report, "  bounds           {} in mesh units", bounds(&header.bounds));
     _ = writeln!(report, "  triangles        {}", HumanCount(header.triangles.into()));
     _ = writeln!(report, "  chords that hit  {share:.1} %");
+}
+
+fn bounds(bounds: &BoundingEllipsoid) -> String {
+    let [x, y, z] = bounds.center;
+    if let Some(radius) = bounds.sphere_radius() {
+        return format!("sphere, centre ({x}, {y}, {z}), radius {radius}");
+    }
+    let axes = bounds.mesh_from_field().matrix3;
+    let [a, b, c] = [0, 1, 2].map(|i| axes.row(i).length());
+    format!("ellipsoid, centre ({x}, {y}, {z}), extent \u{b1}({a:.6}, {b:.6}, {c:.6})")
 }

@@ -2,6 +2,7 @@
 
 mod bake;
 mod inspect;
+mod settings;
 
 use std::io::{self, Write};
 use std::path::PathBuf;

@@ -197,7 +197,7 @@ fn no_truncation_and_no_flipped_byte_panics() {
             damaged[position] ^= flip;
             for mesh in folder.read("a.glb", &damaged).into_iter().flatten() {
                 // What is read can be anything, and is checked before it is used.
-                let _ = bake(&mesh, &BakeSettings { entries: 2, exits: 2 }, |_| ());
+                let _ = bake(&mesh, &BakeSettings::two_point(2, 2), |_| ());
             }
         }
     }

@@ -4,6 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DVec3, Vec3, dvec3, vec3};
 use visfield::field::query::Bias;
+use visfield::{QueryOptions, Ray};
 use visfield_bake::{BakeSettings, Mesh, bake};
 
 use super::support::{Random, compare};
@@ -104,12 +105,13 @@ fn segments_end_where_they_end() {
     let field =
         bake(&soup(&[sphere(DVec3::ZERO, 0.5), specks().to_vec()].concat()), &BakeSettings::default(), |_| ()).unwrap();
     let mut random = Random(7);
+    let free = QueryOptions { bias: Bias::NONE, ..QueryOptions::default() };
     for _ in 0..1000 {
         let from = random.in_ball().normalize().as_vec3() * 2.0;
-        let occluded = |t_max: f32| field.occluded(from, -from * 0.5, t_max, Vec3::ZERO, Bias::NONE);
+        let occluded = |t_max: f32| field.occluded(&Ray { origin: from, direction: -from * 0.5, t_max }, &free);
         // The surface is at distance 1.5, and so at t = 1.5.
         assert!(!occluded(1.45) && occluded(1.55) && occluded(f32::INFINITY), "from {from}");
     }
-    let beside = field.occluded(vec3(0.0, 0.7, 0.0), Vec3::Z, f32::INFINITY, Vec3::ZERO, Bias::NONE);
+    let beside = field.occluded(&Ray::new(vec3(0.0, 0.7, 0.0), Vec3::Z), &free);
     assert!(!beside, "a ray beside the sphere");
 }

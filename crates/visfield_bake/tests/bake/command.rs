@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 use serde_json::json;
-use visfield::file;
+use visfield::{Representation, file};
 
 use super::support::{glb, triangle_bytes, triangle_json};
 
@@ -42,7 +42,10 @@ fn bake_then_inspect() {
         assert!(report.contains(part), "{part:?} in {report}");
     }
     let fields = file::read(&folder.join("shape.vfield")).unwrap();
-    assert_eq!((fields.len(), fields[0].shape().entries, fields[0].shape().exits), (1, 65, 32));
+    assert_eq!(
+        (fields.len(), fields[0].header().representation),
+        (1, Representation::TwoPoint { entries: 65, exits: 32 })
+    );
 
     let inspected = text(&visfield(folder, &["inspect", "shape.vfield"]).stdout);
     for part in

@@ -9,7 +9,7 @@ use visfield_bake::{BakeSettings, ExactScene, Mesh, bake, exact, read_meshes};
 use super::support::{compare, exact_hits, shared_mesh};
 
 fn bake_coarse(mesh: &Mesh) -> VisibilityField {
-    bake(mesh, &BakeSettings { entries: 33, exits: 32 }, |_| ()).unwrap()
+    bake(mesh, &BakeSettings::two_point(33, 32), |_| ()).unwrap()
 }
 
 #[test]
@@ -86,7 +86,7 @@ fn occlusion_and_shadow_in_a_corner_agree_with_exact_rays() {
     let sun = DirectionalShadow { rays: 64, ..DirectionalShadow::new(Vec3::new(0.5, 0.7, 0.6).normalize(), 0.05) };
     for distance in [0.75, 1.2] {
         let (mut absolute, mut squared, mut shadow, mut sum) = (0.0, 0.0, 0.0, 0.0);
-        let receivers = corner(center, 12.0 * f64::from(bounds.radius), distance);
+        let receivers = corner(center, 12.0 * f64::from(bounds.sphere_radius().unwrap()), distance);
         for receiver in &receivers {
             let exact_occlusion = exact::ambient_occlusion(&truth, receiver, &occlusion);
             let found_occlusion = estimate::ambient_occlusion(&scene, receiver, &occlusion);

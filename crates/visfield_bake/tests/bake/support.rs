@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
-use glam::{DVec3, Vec3, dvec3};
+use glam::{DVec3, dvec3};
 use gltf::binary::{Glb, Header};
-use visfield::VisibilityField;
+use visfield::field::lookup::Aim;
 use visfield::field::query::Bias;
+use visfield::{QueryOptions, Ray, VisibilityField};
 use visfield_bake::{ExactScene, Mesh};
 
 /// The public test models, or `None` where they are not at hand. Never skips on the project's own checks.
@@ -97,7 +98,7 @@ pub(crate) fn compare(
         let outside = random.in_ball().normalize() * 3.0;
         // Any length: directions need no normalisation.
         let direction = (target - outside) * (1.5 + random.signed());
-        let found = field.first_hit(outside.as_vec3(), direction.as_vec3());
+        let found = field.hit(&Ray::new(outside.as_vec3(), direction.as_vec3()), &QueryOptions::default());
         let exact = truth(mesh_from_field.transform_point3(outside), mesh_from_field.transform_vector3(direction));
         errors.hits += f64::from(exact.is_some());
         match (found, exact) {
@@ -112,10 +113,10 @@ pub(crate) fn compare(
         let inside = random.in_ball();
         let direction = random.in_ball() * 2.0;
         let exact = truth(mesh_from_field.transform_point3(inside), mesh_from_field.transform_vector3(direction));
-        let (origin, along) = (inside.as_vec3(), direction.as_vec3());
-        let occluded = field.occluded(origin, along, f32::INFINITY, Vec3::ZERO, Bias::NONE);
+        let ray = Ray::new(inside.as_vec3(), direction.as_vec3());
+        let occluded = field.occluded(&ray, &QueryOptions { bias: Bias::NONE, ..QueryOptions::default() });
         errors.occluded_disagree += f64::from(occluded != exact.is_some());
-        if let (true, Some(found), Some((_, last))) = (occluded, field.last_hit(origin, along), exact) {
+        if let (true, Some(found), Some((_, last))) = (occluded, field.last_hit(&ray, Aim::Point), exact) {
             errors.last_distance += (f64::from(found) - last).abs() * direction.length();
             last_both += 1;
         }
@@ -131,7 +132,7 @@ pub(crate) fn compare(
 /// The truth for [`compare`] by exact rays.
 pub(crate) fn exact_hits(mesh: &Mesh) -> impl Fn(DVec3, DVec3) -> Option<(f64, f64)> {
     let scene = ExactScene::new(&[(mesh, glam::DAffine3::IDENTITY)], DVec3::ZERO).unwrap();
-    let size = f64::from(visfield_bake::bounding_sphere(mesh).unwrap().radius);
+    let size = f64::from(visfield_bake::bounding_sphere(mesh).unwrap().sphere_radius().unwrap());
     move |origin, direction| {
         let first = scene.closest_hit(origin, direction.as_vec3(), f32::INFINITY)?;
         // Back from beyond the far side; rays start at most 3 radii from the centre.

@@ -1,0 +1,386 @@
+//! Many rays against one field at once: the same lookups as in [`query`](super::query), several lanes wide.
+//!
+//! Rays are taken in blocks of [`LANES`]. The lookups of a block are computed in loops over its lanes, by the very functions
+//! that single rays use; compiled for the widest instructions that the processor has (crate `pulp` finds them out at run
+//! time), such a loop becomes a few vector instructions. Nothing is contracted or reordered, so that a batch gives the same
+//! answers as its rays one by one, bit for bit. Rays that need more than one lookup are few, and are asked one by one.
+
+use glam::Vec3;
+use pulp::{Arch, NullaryFnOnce};
+
+use super::VisibilityField;
+use super::chord::line_chord;
+use super::encoding::{Codes, Encoding, NO_HIT_CODE, decode_u8};
+use super::lookup::{Aim, ChordGrid, Grid, Lookup, aimed_lookup, plain_lookup};
+use super::query::{QueryOptions, Ray, Resolution, is_ordinary, rises_above};
+
+/// Rays of a block: a few vectors of the widest kind, so that their reads from the table overlap.
+pub const LANES: usize = 64;
+
+type Lanes<T> = [T; LANES];
+
+impl VisibilityField {
+    /// [`hit`](Self::hit) for many rays at once, several times faster; infinity stands for none.
+    ///
+    /// ```
+    /// use glam::{Vec3, vec3};
+    /// use visfield::{Ray, field::query::QueryOptions};
+    /// # let field = visfield::field::example_field();
+    /// let rays = [0.0, 0.9].map(|height| Ray::new(vec3(-3.0, height, 0.0), Vec3::X));
+    /// let mut hits = [0.0; 2];
+    /// field.hit_batch(&rays, &QueryOptions::default(), &mut hits);
+    /// assert!(hits[0] < 3.0 && hits[1] == f32::INFINITY);
+    /// ```
+    ///
+    /// # Panics
+    /// If there are not as many `hits` as `rays`.
+    pub fn hit_batch(&self, rays: &[Ray], options: &QueryOptions, hits: &mut [f32]) {
+        assert_eq!(rays.len(), hits.len(), "one answer per ray");
+        self.batch::<_, true>(rays, options, hits, |t, _| t);
+    }
+
+    /// [`distance`](Self::distance) for many rays at once, several times faster.
+    ///
+    /// # Panics
+    /// If there are not as many `distances` as `rays`.
+    pub fn distance_batch(&self, rays: &[Ray], options: &QueryOptions, distances: &mut [f32]) {
+        assert_eq!(rays.len(), distances.len(), "one answer per ray");
+        self.batch::<_, true>(rays, options, distances, |t, ray| {
+            let (ray, scale) = ray.rescaled();
+            t * scale * ray.direction.length()
+        });
+    }
+
+    /// [`occluded`](Self::occluded) for many rays at once, many times faster.
+    ///
+    /// ```
+    /// use glam::{Vec3, vec3};
+    /// use visfield::{Ray, field::query::QueryOptions};
+    /// # let field = visfield::field::example_field();
+    /// let rays = [0.0, 0.9].map(|height| Ray::new(vec3(-3.0, height, 0.0), Vec3::X));
+    /// let mut occluded = [false; 2];
+    /// field.occluded_batch(&rays, &QueryOptions::default(), &mut occluded);
+    /// assert_eq!(occluded, [true, false]);
+    /// ```
+    ///
+    /// # Panics
+    /// If there are not as many `occluded` as `rays`.
+    pub fn occluded_batch(&self, rays: &[Ray], options: &QueryOptions, occluded: &mut [bool]) {
+        assert_eq!(rays.len(), occluded.len(), "one answer per ray");
+        self.batch::<_, false>(rays, options, occluded, |t, _| t < f32::INFINITY);
+    }
+
+    /// Asks block by block. `answer` makes an answer of t, the parameter of a hit or infinity: of the first known hit if
+    /// `NEAREST`, else of any.
+    fn batch<A, const NEAREST: bool>(
+        &self,
+        rays: &[Ray],
+        options: &QueryOptions,
+        answers: &mut [A],
+        answer: impl Fn(f32, &Ray) -> A,
+    ) {
+        match (self.grid(), options.aim) {
+            (Grid::TwoPoint(grid), Aim::Point) => Arch::new().dispatch(Batch::<_, _, _, true, NEAREST> {
+                field: self,
+                grid,
+                rays,
+                options,
+                answers,
+                answer,
+            }),
+            (Grid::TwoPoint(grid), Aim::Plain) => Arch::new().dispatch(Batch::<_, _, _, false, NEAREST> {
+                field: self,
+                grid,
+                rays,
+                options,
+                answers,
+                answer,
+            }),
+            // The papers' grid needs trigonometry, which vectors do not have.
+            (Grid::Hemisphere(_), _) => {
+                for (out, ray) in answers.iter_mut().zip(rays) {
+                    *out = answer(self.ask::<NEAREST>(ray, options), ray);
+                }
+            }
+        }
+    }
+
+    /// One ray by itself.
+    #[inline(always)]
+    fn ask<const NEAREST: bool>(&self, ray: &Ray, options: &QueryOptions) -> f32 {
+        if NEAREST {
+            self.hit(ray, options).unwrap_or(f32::INFINITY)
+        } else if self.occluded(ray, options) {
+            0.0
+        } else {
+            f32::INFINITY
+        }
+    }
+}
+
+/// A batch's work, to be compiled for each kind of processor.
+struct Batch<'a, G, A, F, const AIMED: bool, const NEAREST: bool> {
+    field: &'a VisibilityField,
+    grid: G,
+    rays: &'a [Ray],
+    options: &'a QueryOptions,
+    answers: &'a mut [A],
+    answer: F,
+}
+
+impl<G: ChordGrid, A, F: Fn(f32, &Ray) -> A, const AIMED: bool, const NEAREST: bool> NullaryFnOnce
+    for Batch<'_, G, A, F, AIMED, NEAREST>
+{
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { field, grid, rays, options, answers, answer } = self;
+        let (codes, resolution) = (field.codes(), field.resolution());
+        for (rays, answers) in rays.chunks(LANES).zip(answers.chunks_mut(LANES)) {
+            // Of a length that the compiler knows, wherever possible.
+            let block = match rays.as_array() {
+                Some(rays) => Block::new(rays),
+                None => Block::partial(rays),
+            };
+            let chords = Chords::of(&block);
+            let (mut hits, again) = if !NEAREST && chords.any_hit_will_do(&block) {
+                (any_hits::<G, AIMED>(&grid, &codes, &block, &chords), [false; LANES])
+            } else {
+                hits::<G, AIMED, NEAREST>(&grid, &codes, resolution, options, &block, &chords)
+            };
+            if any(&again) | any(&chords.extraordinary) {
+                for (lane, ray) in rays.iter().enumerate() {
+                    if again[lane] | chords.extraordinary[lane] {
+                        hits[lane] = field.ask::<NEAREST>(ray, options);
+                    }
+                }
+            }
+            if let (Some(rays), Some(answers)) = (rays.as_array::<LANES>(), answers.as_mut_array::<LANES>()) {
+                for lane in 0..LANES {
+                    answers[lane] = answer(hits[lane], &rays[lane]);
+                }
+            } else {
+                for ((out, t), ray) in answers.iter_mut().zip(hits).zip(rays) {
+                    *out = answer(t, ray);
+                }
+            }
+        }
+    }
+}
+
+/// A vector for each lane, by components.
+#[derive(Clone, Copy)]
+struct Vectors {
+    x: Lanes<f32>,
+    y: Lanes<f32>,
+    z: Lanes<f32>,
+}
+
+impl Vectors {
+    const ZERO: Self = Self { x: [0.0; LANES], y: [0.0; LANES], z: [0.0; LANES] };
+
+    #[inline(always)]
+    fn get(&self, lane: usize) -> Vec3 {
+        Vec3::new(self.x[lane], self.y[lane], self.z[lane])
+    }
+
+    #[inline(always)]
+    fn set(&mut self, lane: usize, v: Vec3) {
+        (self.x[lane], self.y[lane], self.z[lane]) = (v.x, v.y, v.z);
+    }
+}
+
+/// Rays by components. Lanes without a ray have a zero direction, which hits nothing.
+struct Block {
+    origin: Vectors,
+    direction: Vectors,
+    t_max: Lanes<f32>,
+}
+
+impl Block {
+    #[inline(always)]
+    fn new(rays: &[Ray; LANES]) -> Self {
+        let mut block = Self { origin: Vectors::ZERO, direction: Vectors::ZERO, t_max: [0.0; LANES] };
+        for lane in 0..LANES {
+            block.origin.set(lane, rays[lane].origin);
+            block.direction.set(lane, rays[lane].direction);
+            block.t_max[lane] = rays[lane].t_max;
+        }
+        block
+    }
+
+    #[inline(always)]
+    fn partial(rays: &[Ray]) -> Self {
+        let mut padded = [Ray::new(Vec3::ZERO, Vec3::ZERO); LANES];
+        padded[..rays.len()].copy_from_slice(rays);
+        Self::new(&padded)
+    }
+}
+
+#[inline(always)]
+fn any(lanes: &Lanes<bool>) -> bool {
+    lanes.iter().fold(false, |any, lane| any | lane)
+}
+
+/// What the rays of a block have in common with the sphere.
+struct Chords {
+    middle: Vectors,
+    t_middle: Lanes<f32>,
+    t_half: Lanes<f32>,
+    /// Whether the ray meets the sphere before its end.
+    meets: Lanes<bool>,
+    /// Whether it starts inside.
+    inside: Lanes<bool>,
+    /// Whether its direction is too short or too long to be squared: such rays are asked by themselves.
+    extraordinary: Lanes<bool>,
+}
+
+impl Chords {
+    #[inline(always)]
+    fn of(block: &Block) -> Self {
+        let mut chords = Self {
+            middle: Vectors::ZERO,
+            t_middle: [0.0; LANES],
+            t_half: [0.0; LANES],
+            meets: [false; LANES],
+            inside: [false; LANES],
+            extraordinary: [false; LANES],
+        };
+        for lane in 0..LANES {
+            let direction = block.direction.get(lane);
+            let c = line_chord(block.origin.get(lane), direction);
+            chords.middle.set(lane, c.middle);
+            chords.t_middle[lane] = c.t_middle;
+            chords.t_half[lane] = c.t_half;
+            chords.meets[lane] = (c.t_half > 0.0) & (c.t_exit() > 0.0) & (c.t_entry() < block.t_max[lane]);
+            chords.inside[lane] = !(c.t_entry() >= 0.0);
+            chords.extraordinary[lane] = !is_ordinary(direction);
+        }
+        chords
+    }
+
+    /// Whether all rays start outside and have no end, so that any hit will do.
+    #[inline(always)]
+    fn any_hit_will_do(&self, block: &Block) -> bool {
+        let mut otherwise = false;
+        for lane in 0..LANES {
+            otherwise |= self.meets[lane] & (self.inside[lane] | (block.t_max[lane] < f32::INFINITY));
+        }
+        !otherwise
+    }
+
+    /// The lookup of a lane: forwards from outside, backwards from inside; at a valid position whatever the ray.
+    #[inline(always)]
+    fn lookup<G: ChordGrid, const AIMED: bool>(&self, grid: &G, block: &Block, lane: usize, inside: bool) -> Lookup {
+        let middle = self.middle.get(lane);
+        let half = block.direction.get(lane) * self.t_half[lane];
+        let half = if inside { -half } else { half };
+        let (start, end) = (middle - half, middle + half);
+        let aim = if inside { block.origin.get(lane) } else { middle };
+        let found = if AIMED { aimed_lookup(grid, start, end, aim) } else { plain_lookup(grid, start, end, aim) };
+        // Rays that miss must not fetch memory either.
+        Lookup { index: if self.meets[lane] { found.index } else { 0 }, ..found }
+    }
+}
+
+/// 0 for the rays that hit anything, infinity for the others, where [any hit will do](Chords::any_hit_will_do).
+#[inline(always)]
+fn any_hits<G: ChordGrid, const AIMED: bool>(grid: &G, codes: &Codes, block: &Block, chords: &Chords) -> Lanes<f32> {
+    let mut indices = [0; LANES];
+    for lane in 0..LANES {
+        indices[lane] = chords.lookup::<G, AIMED>(grid, block, lane, false).index;
+    }
+    let met = read_any(codes, &indices);
+    let mut hits = [f32::INFINITY; LANES];
+    for lane in 0..LANES {
+        hits[lane] = if chords.meets[lane] & met[lane] { 0.0 } else { f32::INFINITY };
+    }
+    hits
+}
+
+/// The ray parameters of hits before the ends of the rays, or infinity; and which rays need a second lookup.
+#[inline(always)]
+fn hits<G: ChordGrid, const AIMED: bool, const NEAREST: bool>(
+    grid: &G,
+    codes: &Codes,
+    resolution: Resolution,
+    options: &QueryOptions,
+    block: &Block,
+    chords: &Chords,
+) -> (Lanes<f32>, Lanes<bool>) {
+    let mut indices = [0; LANES];
+    let (mut before, mut length) = ([0.0; LANES], [0.0; LANES]);
+    let (mut starts, mut ends) = (Vectors::ZERO, Vectors::ZERO);
+    for lane in 0..LANES {
+        let lookup = chords.lookup::<G, AIMED>(grid, block, lane, chords.inside[lane]);
+        (indices[lane], before[lane], length[lane]) = (lookup.index, lookup.before, lookup.length);
+        starts.set(lane, lookup.start);
+        ends.set(lane, lookup.end);
+    }
+    let fractions = read_fractions(codes, &indices);
+    let (mut hits, mut again) = ([f32::INFINITY; LANES], [false; LANES]);
+    for lane in 0..LANES {
+        let (fraction, t_max) = (fractions[lane], block.t_max[lane]);
+        let unit = block.direction.get(lane).length();
+        let (before, length) = (before[lane], length[lane]);
+        let lookup = Lookup { index: 0, before, length, start: starts.get(lane), end: ends.get(lane) };
+        let t_first = chords.t_middle[lane] + (fraction * length - before) / unit;
+        // From inside; a fraction of infinity gives −infinity, behind any bias.
+        let t_last = (before - fraction * length) / unit;
+        let rises = rises_above(resolution, &lookup, fraction, block.origin.get(lane), options)
+            & (t_last > options.bias.along(resolution, before, length) / unit);
+        let inside = chords.inside[lane];
+        let within = (if inside { t_last } else { t_first }) < t_max;
+        let known = chords.meets[lane] & if inside { rises } else { within };
+        again[lane] = known & inside & (NEAREST | !within);
+        hits[lane] = if known { if inside { t_last } else { t_first } } else { f32::INFINITY };
+    }
+    (hits, again)
+}
+
+/// Whether the chords meet anything.
+#[inline(always)]
+fn read_any(codes: &Codes, indices: &Lanes<u32>) -> Lanes<bool> {
+    let mut met = [false; LANES];
+    match codes.encoding() {
+        Encoding::U8 => {
+            let bytes = codes.bytes();
+            for lane in 0..LANES {
+                met[lane] = bytes[indices[lane] as usize] != NO_HIT_CODE;
+            }
+        }
+        Encoding::Bit => {
+            for lane in 0..LANES {
+                met[lane] = codes.bit(indices[lane]);
+            }
+        }
+        Encoding::U16 | Encoding::F32 => {
+            for lane in 0..LANES {
+                met[lane] = codes.fraction(indices[lane]).is_some();
+            }
+        }
+    }
+    met
+}
+
+/// Where the chords first meet anything, or infinity.
+#[inline(always)]
+fn read_fractions(codes: &Codes, indices: &Lanes<u32>) -> Lanes<f32> {
+    let mut fractions = [f32::INFINITY; LANES];
+    if codes.encoding() == Encoding::U8 {
+        let bytes = codes.bytes();
+        let mut raw = [NO_HIT_CODE; LANES];
+        for lane in 0..LANES {
+            raw[lane] = bytes[indices[lane] as usize];
+        }
+        for lane in 0..LANES {
+            fractions[lane] = decode_u8(raw[lane]).unwrap_or(f32::INFINITY);
+        }
+    } else {
+        for lane in 0..LANES {
+            fractions[lane] = codes.fraction(indices[lane]).unwrap_or(f32::INFINITY);
+        }
+    }
+    fractions
+}

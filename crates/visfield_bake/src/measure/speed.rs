@@ -1,0 +1,152 @@
+//! The same rays through a field and through triangles, timed in turn.
+
+use std::hint::black_box;
+use std::ops::Range;
+use std::time::{Duration, Instant};
+
+use glam::{Affine3A, Vec3};
+use visfield::estimate::Receiver;
+use visfield::field::lookup::ChordGrid;
+use visfield::{QueryOptions, Ray, VisibilityField};
+
+use crate::triangles::{PreparedRay, TriangleBvh};
+
+/// How often everything is timed; the median counts.
+const REPEATS: usize = 5;
+
+/// How long a timing lasts at least.
+const SHORTEST: Duration = Duration::from_millis(50);
+
+/// Rays of one receiver after another, ready for both opponents.
+pub(super) struct RaySet {
+    /// In field space.
+    pub(super) field: Vec<Ray>,
+    /// In mesh space.
+    pub(super) exact: Vec<PreparedRay>,
+    /// For each receiver its rays, and how the field is asked.
+    pub(super) receivers: Vec<(Range<usize>, QueryOptions)>,
+}
+
+impl RaySet {
+    /// `start` lifts a receiver off its surface for exact rays; `directions` are a receiver's rays in mesh space.
+    pub(super) fn new(
+        triangles: &TriangleBvh,
+        field: &VisibilityField,
+        options: QueryOptions,
+        receivers: &[Receiver],
+        directions: impl Fn(&Receiver, usize) -> Vec<Vec3>,
+        start: impl Fn(&Receiver) -> Vec3,
+    ) -> Self {
+        let field_from_mesh = field.field_from_mesh();
+        let mut set = Self { field: Vec::new(), exact: Vec::new(), receivers: Vec::new() };
+        for (index, receiver) in receivers.iter().enumerate() {
+            let first = set.field.len();
+            let origin = field_from_mesh.transform_point3(receiver.position.as_vec3());
+            for direction in directions(receiver, index) {
+                let exact = triangles.prepare(start(receiver), direction, 0.0, f32::INFINITY);
+                set.exact.push(exact.expect("directions are unit vectors"));
+                set.field.push(Ray::new(origin, field_from_mesh.transform_vector3(direction)));
+            }
+            let normal = field_normal(&field_from_mesh, receiver.normal);
+            set.receivers.push((first..set.field.len(), QueryOptions { normal, ..options }));
+        }
+        set
+    }
+
+    /// Only the rays that meet the field's bounds, ahead of their origins.
+    pub(super) fn meeting_bounds(&self) -> Self {
+        let meets = |ray: &Ray| {
+            let chord = visfield::field::chord::chord(ray.origin, ray.direction);
+            chord.is_some_and(|chord| chord.t_exit() > 0.0)
+        };
+        let mut set = Self { field: Vec::new(), exact: Vec::new(), receivers: Vec::new() };
+        for (range, options) in &self.receivers {
+            let first = set.field.len();
+            for i in range.clone().filter(|&i| meets(&self.field[i])) {
+                set.field.push(self.field[i]);
+                set.exact.push(self.exact[i]);
+            }
+            set.receivers.push((first..set.field.len(), *options));
+        }
+        set
+    }
+
+    /// Answers of the field.
+    pub(super) fn field_answers(&self, field: &VisibilityField) -> Vec<bool> {
+        let mut occluded = vec![false; self.field.len()];
+        self.ask_field(field, &mut occluded);
+        occluded
+    }
+
+    /// Answers of the triangles.
+    pub(super) fn exact_answers(&self, triangles: &TriangleBvh) -> Vec<bool> {
+        let mut occluded = vec![false; self.exact.len()];
+        self.ask_triangles(triangles, &mut occluded);
+        occluded
+    }
+
+    fn ask_field(&self, field: &VisibilityField, occluded: &mut [bool]) {
+        // Receivers with one normal make one batch.
+        for alike in self.receivers.chunk_by(|(_, a), (_, b)| a == b) {
+            let range = alike[0].0.start..alike[alike.len() - 1].0.end;
+            field.occluded_batch(&self.field[range.clone()], &alike[0].1, &mut occluded[range]);
+        }
+    }
+
+    fn ask_triangles(&self, triangles: &TriangleBvh, occluded: &mut [bool]) {
+        for (occluded, ray) in occluded.iter_mut().zip(&self.exact) {
+            *occluded = triangles.occluded_prepared(ray);
+        }
+    }
+
+    /// Median seconds of one thread for all rays: through the field, and through the triangles.
+    pub(super) fn race(&self, field: &VisibilityField, triangles: &TriangleBvh) -> (f64, f64) {
+        let mut occluded = vec![false; self.field.len()];
+        let (mut by_field, mut by_triangles) = (Vec::new(), Vec::new());
+        for _ in 0..REPEATS {
+            by_field.push(seconds(|| self.ask_field(field, black_box(&mut occluded))));
+            by_triangles.push(seconds(|| self.ask_triangles(triangles, black_box(&mut occluded))));
+        }
+        (median(by_field), median(by_triangles))
+    }
+}
+
+/// The unit normal in field space, by the cofactors of the linear map.
+fn field_normal(field_from_mesh: &Affine3A, normal: Vec3) -> Vec3 {
+    (field_from_mesh.matrix3.inverse().transpose() * normal).normalize_or_zero()
+}
+
+/// Random bytes of the table per second: what no lookup can exceed.
+pub(super) fn gather_limit(field: &VisibilityField) -> f64 {
+    let bytes = field.table();
+    let chords = u64::from(field.grid().starts()) * u64::from(field.grid().chords_per_start());
+    // A multiplicative generator over the whole table; which one does not matter as long as nobody can predict it.
+    let mut state = 0x9E37_79B9_7F4A_7C15_u64;
+    let positions: Vec<u32> = (0..1 << 20)
+        .map(|_| {
+            state = state.wrapping_mul(0xD129_0D3F_8F2B_7A55).wrapping_add(1);
+            ((u128::from(state) * u128::from(chords.min(bytes.len() as u64))) >> 64) as u32
+        })
+        .collect();
+    let gather = || positions.iter().fold(0_u32, |sum, &at| sum.wrapping_add(bytes[at as usize].into()));
+    positions.len() as f64 / median((0..REPEATS).map(|_| seconds(gather)).collect())
+}
+
+/// Seconds that some work takes, on average of as many runs as fill a while: what runs for a millisecond would otherwise
+/// mostly measure what ran before it.
+fn seconds<T>(mut work: impl FnMut() -> T) -> f64 {
+    let start = Instant::now();
+    for runs in 1.. {
+        black_box(work());
+        let elapsed = start.elapsed();
+        if elapsed >= SHORTEST {
+            return elapsed.as_secs_f64() / f64::from(runs);
+        }
+    }
+    unreachable!("time passes")
+}
+
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
