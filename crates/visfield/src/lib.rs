@@ -6,8 +6,9 @@
 //! 1. [`file`](mod@file) decodes a field from untrusted bytes, and encodes it,
 //! 2. [`field`] answers single rays in *field space*, where the mesh's bounding sphere is the unit sphere,
 //! 3. [`scene`] places instances of fields in a world,
-//! 4. [`estimate`] turns many rays into ambient occlusion and sun visibility on the CPU,
-//! 5. [`gpu`](mod@gpu) (feature `gpu`) does the same for every pixel of a frame, in plain WGSL compute passes.
+//! 4. [`raycast`] answers a game's own rays against a whole scene,
+//! 5. [`estimate`] turns many rays into ambient occlusion and sun visibility on the CPU,
+//! 6. [`gpu`](mod@gpu) (feature `gpu`) does the same for every pixel of a frame, in plain WGSL compute passes.
 //!
 //! *Occlusion* is 0 where nothing is in the way and 1 where everything is; *visibility* is 1 − occlusion.
 //!
@@ -33,6 +34,7 @@ pub mod field;
 pub mod file;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod raycast;
 pub mod scene;
 
 pub use field::query::{QueryOptions, Ray};

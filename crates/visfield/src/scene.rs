@@ -64,13 +64,15 @@ impl Scene {
     ///
     /// Relative to the camera (or the receiver), single precision suffices at any distance from the world's origin.
     pub fn place(&self, origin: DVec3) -> Vec<(Placement, &VisibilityField)> {
-        self.instances
-            .iter()
-            .filter_map(|instance| {
-                let field = &*self.fields[instance.field.0];
-                Some((Placement::new(&field.header().bounds, instance.world_from_mesh, origin)?, field))
-            })
-            .collect()
+        self.place_indexed(origin).map(|(_, placement, field)| (placement, field)).collect()
+    }
+
+    /// The same with each instance's position in the list.
+    pub(crate) fn place_indexed(&self, origin: DVec3) -> impl Iterator<Item = (usize, Placement, &VisibilityField)> {
+        self.instances.iter().enumerate().filter_map(move |(index, instance)| {
+            let field = &*self.fields[instance.field.0];
+            Some((index, Placement::new(&field.header().bounds, instance.world_from_mesh, origin)?, field))
+        })
     }
 }
 

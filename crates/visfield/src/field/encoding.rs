@@ -44,6 +44,16 @@ impl Encoding {
     /// All encodings, from small to large.
     pub const ALL: [Self; 4] = [Self::Bit, Self::U8, Self::U16, Self::F32];
 
+    /// Its name: `bit`, `u8`, `u16` or `f32`.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Bit => "bit",
+            Self::U8 => "u8",
+            Self::U16 => "u16",
+            Self::F32 => "f32",
+        }
+    }
+
     /// Size of a table in bytes, saturating.
     pub fn table_bytes(self, starts: u64, chords_per_start: u64) -> u64 {
         let chords = starts.saturating_mul(chords_per_start);
@@ -172,9 +182,14 @@ impl Block<'_> {
     pub fn fill(&mut self, first_hit: impl Fn(Vec3, Vec3) -> Option<f32>) {
         let chords = self.grid.chords_per_start();
         let mut fractions = Vec::with_capacity(self.chords() as usize);
+        let grid = self.grid;
+        let ends = |start| (0..chords).map(move |chord| grid.end(start, chord)).collect::<Vec<_>>();
+        // All starts of a two-point grid have the same ends.
+        let shared = matches!(self.grid, Grid::TwoPoint(_)).then(|| ends(Vec3::ZERO));
         for cell in self.starts.clone() {
             let start = self.grid.start(cell);
-            fractions.extend((0..chords).map(|chord| first_hit(start, self.grid.end(start, chord)?)));
+            let own = if shared.is_none() { ends(start) } else { Vec::new() };
+            fractions.extend(shared.as_ref().unwrap_or(&own).iter().map(|end| first_hit(start, (*end)?)));
         }
         self.encode(&fractions);
     }
