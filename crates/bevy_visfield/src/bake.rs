@@ -34,7 +34,7 @@ use crate::components::VisibilityField3d;
 #[reflect(Component, Default, Clone)]
 #[require(BakeProgress)]
 pub struct BakeVisibilityField {
-    /// How fine the field is.
+    /// What the field stores. Only two-point representations are rendered.
     #[reflect(ignore)]
     pub settings: BakeSettings,
 }
@@ -61,8 +61,8 @@ pub(crate) fn plugin(app: &mut App) {
         .add_systems(Update, bake_in_background);
 }
 
-/// What identifies a bake: the mesh, and the table's sides.
-type BakeKey = (AssetId<Mesh>, u32, u32);
+/// What identifies a bake.
+type BakeKey = (AssetId<Mesh>, BakeSettings);
 
 /// The bakes so far. Finished ones stay as weak ids, so that later entities with the same mesh share the field while it
 /// lives.
@@ -91,11 +91,11 @@ fn bake_in_background(
     // What ended in this very frame, for all the entities that wait for it.
     let mut ended: HashMap<BakeKey, Outcome> = HashMap::new();
     for (entity, mesh, request, mut progress) in &mut waiting {
-        let key = (mesh.id(), request.settings.entries, request.settings.exits);
+        let key = (mesh.id(), request.settings);
         let outcome = match ended.entry(key) {
             Entry::Occupied(outcome) => outcome.get().clone(),
             Entry::Vacant(place) => {
-                let outcome = bakes.advance(key, request.settings, &mut progress, &mut fields, &meshes, &server);
+                let outcome = bakes.advance(key, &mut progress, &mut fields, &meshes, &server);
                 let Some(outcome) = outcome else { continue };
                 place.insert(outcome).clone()
             }
@@ -121,7 +121,6 @@ impl Bakes {
     fn advance(
         &mut self,
         key: BakeKey,
-        settings: BakeSettings,
         progress: &mut BakeProgress,
         fields: &mut Assets<VisibilityField>,
         meshes: &Assets<Mesh>,
@@ -137,14 +136,14 @@ impl Bakes {
         let bake = match self.0.entry(key) {
             Entry::Occupied(bake) => bake.into_mut(),
             Entry::Vacant(place) => match meshes.get(key.0) {
-                Some(mesh) => place.insert(start(mesh, key.0.to_string(), settings)),
+                Some(mesh) => place.insert(start(mesh, key.0.to_string(), key.1)),
                 // The asset server has told why.
                 None if server.load_state(key.0).is_failed() => return Some(Outcome::Failed),
                 None => return None,
             },
         };
         let Bake::Running { task, rays_done } = bake else { return None };
-        progress.0 = rays_done.load(Ordering::Relaxed) as f32 / settings.rays().max(1) as f32;
+        progress.0 = rays_done.load(Ordering::Relaxed) as f32 / key.1.rays().max(1) as f32;
         match check_ready(task)? {
             Ok(field) => {
                 let handle = fields.add(VisibilityField(field));

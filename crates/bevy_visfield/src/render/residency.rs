@@ -28,7 +28,7 @@ use crate::asset::VisibilityField;
 pub struct FieldResidency {
     pool: FieldPool,
     slots: HashMap<AssetId<VisibilityField>, FieldSlot>,
-    /// Fields that found no room, and were told of.
+    /// Fields that the pool did not take, and were told of.
     refused: HashSet<AssetId<VisibilityField>>,
 }
 
@@ -91,7 +91,7 @@ impl RenderAsset for ResidentField {
             Err(error) => {
                 if residency.refused.insert(id) {
                     error!(
-                        "visibility field `{}` does not occlude while there is no room: {error}",
+                        "visibility field `{}` does not occlude: {error}",
                         field.header().name
                     );
                 }

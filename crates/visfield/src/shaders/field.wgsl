@@ -30,11 +30,19 @@ struct Chord {
     t_half: f32,
 }
 
-// A hit at fraction s lies s·length − before past the aim point.
+// A hit at fraction s lies s·length − before past the aim point. The stored chord goes from start to end.
 struct Lookup {
     index: u32,
     before: f32,
     length: f32,
+    start: vec3<f32>,
+    end: vec3<f32>,
+}
+
+// What octahedral_snap gives: a cell, and the unit vector to its centre.
+struct Snapped {
+    cell: u32,
+    center: vec3<f32>,
 }
 
 struct Bias {
@@ -46,17 +54,23 @@ fn fold(uv: vec2<f32>) -> vec2<f32> {
     return (1.0 - abs(uv.yx)) * select(vec2<f32>(-1.0), vec2<f32>(1.0), uv >= vec2<f32>(0.0));
 }
 
-fn octahedral_cell(p: vec3<f32>, side: u32) -> u32 {
+fn octahedral_grid(p: vec3<f32>, side: u32) -> vec2<f32> {
     let folded = p.xy / (abs(p.x) + abs(p.y) + abs(p.z));
     let uv = select(folded, fold(folded), p.z < 0.0);
-    let grid = floor((uv * 0.5 + 0.5) * f32(side));
-    let last = side - 1u;
-    let cell = min(vec2<u32>(max(grid, vec2<f32>(0.0))), vec2<u32>(last));
-    return cell.y * side + cell.x;
+    let grid = (uv * 0.5 + 0.5) * f32(side);
+    return min(max(floor(grid), vec2<f32>(0.0)), vec2<f32>(f32(side - 1u)));
 }
 
-fn octahedral_direction(cell: u32, side: u32) -> vec3<f32> {
-    let grid = vec2<f32>(f32(cell % side), f32(cell / side));
+fn cell_number(grid: vec2<f32>, side: u32) -> u32 {
+    return u32(grid.y) * side + u32(grid.x);
+}
+
+fn octahedral_snap(p: vec3<f32>, side: u32) -> Snapped {
+    let grid = octahedral_grid(p, side);
+    return Snapped(cell_number(grid, side), grid_direction(grid, side));
+}
+
+fn grid_direction(grid: vec2<f32>, side: u32) -> vec3<f32> {
     let uv = (grid + 0.5) / f32(side) * 2.0 - 1.0;
     let z = 1.0 - abs(uv.x) - abs(uv.y);
     let xy = select(uv, fold(uv), z < 0.0);
@@ -83,19 +97,17 @@ fn table_index(shape: TableShape, entry: u32, exit: u32) -> u32 {
 }
 
 fn aimed_lookup(shape: TableShape, start: vec3<f32>, end: vec3<f32>, aim: vec3<f32>) -> Lookup {
-    let entry = octahedral_cell(start, shape.entries);
-    let center = octahedral_direction(entry, shape.entries);
-    let to_aim = aim - center;
-    let inward = -dot(center, to_aim);
+    let entry = octahedral_snap(start, shape.entries);
+    let to_aim = aim - entry.center;
+    let inward = -dot(entry.center, to_aim);
     let squared = dot(to_aim, to_aim);
-    if inward > GRAZING * sqrt(squared) {
-        let stretch = 2.0 * inward / squared;
-        let exit = octahedral_cell(center + to_aim * stretch, shape.exits);
-        let before = sqrt(squared);
-        return Lookup(table_index(shape, entry, exit), before, stretch * before);
-    }
-    let exit = octahedral_cell(end, shape.exits);
-    return Lookup(table_index(shape, entry, exit), length(aim - start), length(end - start));
+    let aimed = inward > GRAZING * sqrt(squared);
+    let stretch = 2.0 * inward / squared;
+    let far_end = select(end, entry.center + to_aim * stretch, aimed);
+    let before = select(length(aim - start), sqrt(squared), aimed);
+    let chord_length = select(length(end - start), stretch * before, aimed);
+    let exit = octahedral_snap(far_end, shape.exits);
+    return Lookup(table_index(shape, entry.cell, exit.cell), before, chord_length, entry.center, exit.center);
 }
 
 fn forward_lookup(shape: TableShape, direction: vec3<f32>, c: Chord) -> Lookup {
@@ -151,11 +163,8 @@ fn half_quantum(encoding: u32) -> f32 {
     }
 }
 
-fn point_on_chord(shape: TableShape, index: u32, fraction: f32) -> vec3<f32> {
-    let exit_cells = shape.exits * shape.exits;
-    let start = octahedral_direction(index / exit_cells, shape.entries);
-    let end = octahedral_direction(index % exit_cells, shape.exits);
-    return start + (end - start) * fraction;
+fn point_on_chord(lookup: Lookup, fraction: f32) -> vec3<f32> {
+    return lookup.start + (lookup.end - lookup.start) * fraction;
 }
 
 fn exit_spread(shape: TableShape, before: f32, length: f32) -> f32 {
@@ -178,7 +187,7 @@ fn rises_above(
     normal: vec3<f32>,
     bias: Bias,
 ) -> bool {
-    let height = dot(point_on_chord(shape, lookup.index, fraction) - origin, normal);
+    let height = dot(point_on_chord(lookup, fraction) - origin, normal);
     return all(normal == vec3<f32>(0.0)) || height > bias_height(bias, shape, lookup.before, lookup.length);
 }
 

@@ -1,8 +1,9 @@
 //! The pool keeps every table intact while it grows and frees, and says when it is full.
 
-use visfield::VisibilityField;
-use visfield::field::ball_field;
+use visfield::field::directions::DirectionMap;
+use visfield::field::{ball, ball_field};
 use visfield::gpu::{FieldPool, FieldSlot, PoolError};
+use visfield::{Encoding, Representation, VisibilityField};
 
 use super::device::{device, read_buffer};
 
@@ -44,4 +45,14 @@ fn a_full_pool_says_so_and_stays_usable() {
     let full = PoolError::Full { bytes: large.table().len() as u64, limit };
     assert_eq!(pool.insert(&device, &queue, &large).unwrap_err(), full);
     assert!(pool.insert(&device, &queue, &ball_field(0.5, 9, 8)).is_ok(), "small ones still fit");
+}
+
+#[test]
+fn what_the_passes_do_not_read_is_refused() {
+    let Some((device, queue)) = device() else { return };
+    let mut pool = FieldPool::new(&device);
+    let representation = Representation::Hemisphere { positions: 290, directions: 4, map: DirectionMap::Concentric };
+    let papers = ball(0.5, representation, Encoding::U8);
+    assert_eq!(pool.insert(&device, &queue, &papers).unwrap_err(), PoolError::Representation);
+    assert_eq!(pool.statistics().uploads, 0);
 }
