@@ -102,15 +102,19 @@ impl Placement {
     pub fn new(bounds: &BoundingEllipsoid, world_from_mesh: DAffine3, origin: DVec3) -> Option<Self> {
         let world_from_field = world_from_mesh * bounds.mesh_from_field();
         let relative = DAffine3 { translation: world_from_field.translation - origin, ..world_from_field };
+        let inverse = relative.inverse();
         let stretch = largest_stretch(relative.matrix3);
         // Relative to the stretch, so that tiny objects are not taken for flat ones.
-        let flatness = relative.matrix3.determinant().abs() / stretch.powi(3);
-        // NaN is neither above nor below.
-        if flatness.is_nan() || flatness <= SINGULAR {
+        let thinness = 1.0 / (stretch * largest_stretch(inverse.matrix3));
+        // The inverse of a needle without any width is made of rounding alone, and shows no thinness.
+        let volume = relative.matrix3.determinant().abs() / stretch.powi(3);
+        // NaN is not above.
+        let solid = thinness > SINGULAR && volume > SINGULAR * SINGULAR;
+        if !solid {
             return None;
         }
         let placement = Self {
-            field_from_world: relative.inverse().as_affine3a(),
+            field_from_world: inverse.as_affine3a(),
             center: relative.translation.as_vec3(),
             radius: stretch as f32,
         };
@@ -143,8 +147,10 @@ impl Placement {
     }
 }
 
-/// Relative volume below which a transform counts as singular: one axis squeezed to 10⁻¹⁸ of the others, or two to 10⁻⁹.
-const SINGULAR: f64 = 1.0e-18;
+/// How thin a transform may squeeze the unit sphere, relative to its widest, before it counts as singular: to between once and
+/// three times this. From as far as such a disc is wide, single precision hardly tells before it from behind it; and a flat
+/// transform that was multiplied with rotations, even in single precision, is no thicker than its rounding.
+const SINGULAR: f64 = 1.0e-6;
 
 /// An upper bound of how much a linear map lengthens any vector: the square root of the largest absolute row sum of the Gram
 /// matrix `MᵀM`,

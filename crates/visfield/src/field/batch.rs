@@ -5,6 +5,12 @@
 //! time), such a loop becomes a few vector instructions. Nothing is contracted or reordered, so that a batch gives the same
 //! answers as its rays one by one, bit for bit. Rays that need more than one lookup are few, and are asked one by one.
 
+#![expect(
+    clippy::needless_range_loop,
+    clippy::needless_bitwise_bool,
+    reason = "lane by lane through several arrays, and without branches: that is what becomes vector instructions"
+)]
+
 use glam::Vec3;
 use pulp::{Arch, NullaryFnOnce};
 
@@ -12,7 +18,7 @@ use super::VisibilityField;
 use super::chord::line_chord;
 use super::encoding::{Codes, Encoding, NO_HIT_CODE, decode_u8};
 use super::lookup::{Aim, ChordGrid, Grid, Lookup, aimed_lookup, plain_lookup};
-use super::query::{QueryOptions, Ray, Resolution, is_ordinary, rises_above};
+use super::query::{QueryOptions, Ray, Resolution, finite, is_ordinary, not_behind, rises_above};
 
 /// Rays of a block: a few vectors of the widest kind, so that their reads from the table overlap.
 pub const LANES: usize = 64;
@@ -36,7 +42,7 @@ impl VisibilityField {
     /// If there are not as many `hits` as `rays`.
     pub fn hit_batch(&self, rays: &[Ray], options: &QueryOptions, hits: &mut [f32]) {
         assert_eq!(rays.len(), hits.len(), "one answer per ray");
-        self.batch::<_, true>(rays, options, hits, |t, _| t);
+        self.batch::<_, true>(rays, options, hits, |t, _| t, |ray| self.hit(ray, options).unwrap_or(f32::INFINITY));
     }
 
     /// [`distance`](Self::distance) for many rays at once, several times faster.
@@ -45,10 +51,8 @@ impl VisibilityField {
     /// If there are not as many `distances` as `rays`.
     pub fn distance_batch(&self, rays: &[Ray], options: &QueryOptions, distances: &mut [f32]) {
         assert_eq!(rays.len(), distances.len(), "one answer per ray");
-        self.batch::<_, true>(rays, options, distances, |t, ray| {
-            let (ray, scale) = ray.rescaled();
-            t * scale * ray.direction.length()
-        });
+        let distance = |t: f32, ray: &Ray| if t < f32::INFINITY { finite(t * ray.direction.length()) } else { t };
+        self.batch::<_, true>(rays, options, distances, distance, |ray| self.distance(ray, options));
     }
 
     /// [`occluded`](Self::occluded) for many rays at once, many times faster.
@@ -67,75 +71,67 @@ impl VisibilityField {
     /// If there are not as many `occluded` as `rays`.
     pub fn occluded_batch(&self, rays: &[Ray], options: &QueryOptions, occluded: &mut [bool]) {
         assert_eq!(rays.len(), occluded.len(), "one answer per ray");
-        self.batch::<_, false>(rays, options, occluded, |t, _| t < f32::INFINITY);
+        self.batch::<_, false>(rays, options, occluded, |t, _| t < f32::INFINITY, |ray| self.occluded(ray, options));
     }
 
     /// Asks block by block. `answer` makes an answer of t, the parameter of a hit or infinity: of the first known hit if
-    /// `NEAREST`, else of any.
+    /// `NEAREST`, else of any. `single` answers a ray by itself.
     fn batch<A, const NEAREST: bool>(
         &self,
         rays: &[Ray],
         options: &QueryOptions,
         answers: &mut [A],
         answer: impl Fn(f32, &Ray) -> A,
+        single: impl Fn(&Ray) -> A,
     ) {
         match (self.grid(), options.aim) {
-            (Grid::TwoPoint(grid), Aim::Point) => Arch::new().dispatch(Batch::<_, _, _, true, NEAREST> {
+            (Grid::TwoPoint(grid), Aim::Point) => Arch::new().dispatch(Batch::<_, _, _, _, true, NEAREST> {
                 field: self,
                 grid,
                 rays,
                 options,
                 answers,
                 answer,
+                single,
             }),
-            (Grid::TwoPoint(grid), Aim::Plain) => Arch::new().dispatch(Batch::<_, _, _, false, NEAREST> {
+            (Grid::TwoPoint(grid), Aim::Plain) => Arch::new().dispatch(Batch::<_, _, _, _, false, NEAREST> {
                 field: self,
                 grid,
                 rays,
                 options,
                 answers,
                 answer,
+                single,
             }),
             // The papers' grid needs trigonometry, which vectors do not have.
             (Grid::Hemisphere(_), _) => {
                 for (out, ray) in answers.iter_mut().zip(rays) {
-                    *out = answer(self.ask::<NEAREST>(ray, options), ray);
+                    *out = single(ray);
                 }
             }
-        }
-    }
-
-    /// One ray by itself.
-    #[inline(always)]
-    fn ask<const NEAREST: bool>(&self, ray: &Ray, options: &QueryOptions) -> f32 {
-        if NEAREST {
-            self.hit(ray, options).unwrap_or(f32::INFINITY)
-        } else if self.occluded(ray, options) {
-            0.0
-        } else {
-            f32::INFINITY
         }
     }
 }
 
 /// A batch's work, to be compiled for each kind of processor.
-struct Batch<'a, G, A, F, const AIMED: bool, const NEAREST: bool> {
+struct Batch<'a, G, A, F, S, const AIMED: bool, const NEAREST: bool> {
     field: &'a VisibilityField,
     grid: G,
     rays: &'a [Ray],
     options: &'a QueryOptions,
     answers: &'a mut [A],
     answer: F,
+    single: S,
 }
 
-impl<G: ChordGrid, A, F: Fn(f32, &Ray) -> A, const AIMED: bool, const NEAREST: bool> NullaryFnOnce
-    for Batch<'_, G, A, F, AIMED, NEAREST>
+impl<G: ChordGrid, A, F: Fn(f32, &Ray) -> A, S: Fn(&Ray) -> A, const AIMED: bool, const NEAREST: bool> NullaryFnOnce
+    for Batch<'_, G, A, F, S, AIMED, NEAREST>
 {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let Self { field, grid, rays, options, answers, answer } = self;
+        let Self { field, grid, rays, options, answers, answer, single } = self;
         let (codes, resolution) = (field.codes(), field.resolution());
         for (rays, answers) in rays.chunks(LANES).zip(answers.chunks_mut(LANES)) {
             // Of a length that the compiler knows, wherever possible.
@@ -144,18 +140,11 @@ impl<G: ChordGrid, A, F: Fn(f32, &Ray) -> A, const AIMED: bool, const NEAREST: b
                 None => Block::partial(rays),
             };
             let chords = Chords::of(&block);
-            let (mut hits, again) = if !NEAREST && chords.any_hit_will_do(&block) {
+            let (hits, again) = if !NEAREST && chords.any_hit_will_do(&block) {
                 (any_hits::<G, AIMED>(&grid, &codes, &block, &chords), [false; LANES])
             } else {
                 hits::<G, AIMED, NEAREST>(&grid, &codes, resolution, options, &block, &chords)
             };
-            if any(&again) | any(&chords.extraordinary) {
-                for (lane, ray) in rays.iter().enumerate() {
-                    if again[lane] | chords.extraordinary[lane] {
-                        hits[lane] = field.ask::<NEAREST>(ray, options);
-                    }
-                }
-            }
             if let (Some(rays), Some(answers)) = (rays.as_array::<LANES>(), answers.as_mut_array::<LANES>()) {
                 for lane in 0..LANES {
                     answers[lane] = answer(hits[lane], &rays[lane]);
@@ -163,6 +152,13 @@ impl<G: ChordGrid, A, F: Fn(f32, &Ray) -> A, const AIMED: bool, const NEAREST: b
             } else {
                 for ((out, t), ray) in answers.iter_mut().zip(hits).zip(rays) {
                     *out = answer(t, ray);
+                }
+            }
+            if any(&again) | any(&chords.extraordinary) {
+                for (lane, (out, ray)) in answers.iter_mut().zip(rays).enumerate() {
+                    if again[lane] | chords.extraordinary[lane] {
+                        *out = single(ray);
+                    }
                 }
             }
         }
@@ -254,7 +250,7 @@ impl Chords {
             chords.t_middle[lane] = c.t_middle;
             chords.t_half[lane] = c.t_half;
             chords.meets[lane] = (c.t_half > 0.0) & (c.t_exit() > 0.0) & (c.t_entry() < block.t_max[lane]);
-            chords.inside[lane] = !(c.t_entry() >= 0.0);
+            chords.inside[lane] = c.t_entry() < 0.0;
             chords.extraordinary[lane] = !is_ordinary(direction);
         }
         chords
@@ -329,12 +325,12 @@ fn hits<G: ChordGrid, const AIMED: bool, const NEAREST: bool>(
         // From inside; a fraction of infinity gives −infinity, behind any bias.
         let t_last = (before - fraction * length) / unit;
         let rises = rises_above(resolution, &lookup, fraction, block.origin.get(lane), options)
-            & (t_last > options.bias.along(resolution, before, length) / unit);
+            & (t_last > not_behind(options.bias.along(resolution, before, length) / unit));
         let inside = chords.inside[lane];
         let within = (if inside { t_last } else { t_first }) < t_max;
         let known = chords.meets[lane] & if inside { rises } else { within };
         again[lane] = known & inside & (NEAREST | !within);
-        hits[lane] = if known { if inside { t_last } else { t_first } } else { f32::INFINITY };
+        hits[lane] = if known { if inside { t_last } else { not_behind(t_first) } } else { f32::INFINITY };
     }
     (hits, again)
 }

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 /// assert_eq!(up, glam::Vec3::Z);
 /// assert_eq!(DirectionMap::Concentric.cell(up, 3), 4);
 /// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DirectionMap {
     /// Concentric squares become concentric circles (Shirley & Chiu, *A Low Distortion Map Between Disk and Square*, 1997),

@@ -23,7 +23,7 @@ pub const LAST_HIT_CODE: u8 = 254;
 /// // 65² starts with 32² chords each; one bit per chord, and a byte for each start.
 /// assert_eq!(Encoding::Bit.table_bytes(65 * 65, 32 * 32), 65 * 65 * (32 * 32 / 8 + 1));
 /// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Encoding {
@@ -36,7 +36,7 @@ pub enum Encoding {
     U8,
     /// Two bytes, little-endian: 0…65534 is the first hit in steps of 1/65534 of the chord, 65535 is none.
     U16,
-    /// Four bytes, little-endian: the first hit as a fraction of the chord, or a negative number for none.
+    /// Four bytes, little-endian: the first hit as a fraction of the chord, or any number outside [0, 1] for none.
     F32,
 }
 
@@ -120,7 +120,7 @@ impl<'a> Codes<'a> {
             Encoding::U16 => decode_u16(u16::from_le_bytes([self.bytes[2 * at], self.bytes[2 * at + 1]])),
             Encoding::F32 => {
                 let code: [u8; 4] = self.bytes[4 * at..4 * at + 4].try_into().expect("four bytes");
-                Some(f32::from_le_bytes(code)).filter(|fraction| *fraction >= 0.0)
+                Some(f32::from_le_bytes(code)).filter(|fraction| (0.0..=1.0).contains(fraction))
             }
         }
     }
@@ -157,7 +157,7 @@ pub struct Block<'a> {
 const STARTS_PER_BLOCK: u32 = 8;
 
 /// Cuts a table of [`Encoding::table_bytes`] into blocks.
-pub(super) fn blocks<'a>(grid: Grid, encoding: Encoding, table: &'a mut [u8]) -> impl Iterator<Item = Block<'a>> {
+pub(super) fn blocks(grid: Grid, encoding: Encoding, table: &mut [u8]) -> impl Iterator<Item = Block<'_>> {
     let starts = grid.starts();
     let means = if encoding == Encoding::Bit { starts as usize } else { 0 };
     let (codes, means) = table.split_at_mut(table.len() - means);
@@ -192,6 +192,13 @@ impl Block<'_> {
             fractions.extend(shared.as_ref().unwrap_or(&own).iter().map(|end| first_hit(start, (*end)?)));
         }
         self.encode(&fractions);
+    }
+
+    /// Takes over what another table says of the same chords.
+    pub(super) fn copy(&mut self, codes: &Codes) {
+        let chords = self.grid.chords_per_start();
+        let indices = self.starts.start * chords..self.starts.end * chords;
+        self.encode(&indices.map(|index| codes.fraction(index)).collect::<Vec<_>>());
     }
 
     fn encode(&mut self, fractions: &[Option<f32>]) {

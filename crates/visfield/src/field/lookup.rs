@@ -265,12 +265,13 @@ pub fn table_index<G: ChordGrid>(grid: &G, entry: u32, exit: u32) -> u32 {
 mod tests {
     use super::*;
     use crate::field::chord::chord;
+    use crate::field::directions::DirectionMap;
     use glam::vec3;
 
     const GRID: TwoPointGrid = TwoPointGrid { entries: 65, exits: 32 };
 
     fn grids() -> [Grid; 2] {
-        let hemisphere = HemisphereGrid::new(4226, 32, Default::default()).unwrap();
+        let hemisphere = HemisphereGrid::new(4226, 32, DirectionMap::default()).unwrap();
         [Grid::TwoPoint(GRID), Grid::Hemisphere(hemisphere)]
     }
 

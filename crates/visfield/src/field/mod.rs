@@ -3,7 +3,8 @@
 //! [`octahedral`] numbers the cells of a sphere, [`chord`] finds the part of a ray inside the unit sphere, [`lookup`] picks
 //! the table entry that stands for a ray, [`encoding`] reads it, and [`query`] turns it into an answer, [`batch`] for many
 //! rays at once. What a frame needs of them has a WGSL twin of the same name in `shaders/field.wgsl`. [`hemisphere`] and
-//! [`directions`] are the papers' own grid, which other representations are compared with.
+//! [`directions`] are the papers' own grid, which other representations are compared with. [`measured`] says what a field
+//! was found to get wrong.
 
 pub mod batch;
 pub mod chord;
@@ -11,6 +12,7 @@ pub mod directions;
 pub mod encoding;
 pub mod hemisphere;
 pub mod lookup;
+pub mod measured;
 pub mod octahedral;
 pub mod query;
 
@@ -27,6 +29,7 @@ use directions::DirectionMap;
 use encoding::{Block, Codes};
 use hemisphere::HemisphereGrid;
 use lookup::{ChordGrid, Grid, TwoPointGrid};
+use measured::Measured;
 
 /// Largest side of either octahedral grid of a table. 512⁴ cells would be 64 GiB; real tables stop far below.
 pub const MAX_SIDE: u32 = 512;
@@ -34,7 +37,7 @@ pub const MAX_SIDE: u32 = 512;
 pub const MAX_TABLE_BYTES: u64 = 1 << 30;
 
 /// How a field stores visibility (DESIGN §2, *representation*).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Representation {
@@ -163,6 +166,7 @@ const FLATTEST: f64 = 1.0e-18;
 ///     representation: Representation::TwoPoint { entries: 65, exits: 32 },
 ///     encoding: Encoding::U8,
 ///     triangles: 12,
+///     measured: Vec::new(),
 /// };
 /// assert_eq!(header.table_bytes(), 65 * 65 * 32 * 32);
 /// ```
@@ -178,6 +182,9 @@ pub struct FieldHeader {
     pub encoding: Encoding,
     /// Number of triangles that were baked.
     pub triangles: u32,
+    /// What the field was measured to get wrong; empty if it was not measured.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub measured: Vec<Measured>,
 }
 
 impl FieldHeader {
@@ -305,6 +312,40 @@ impl VisibilityField {
         Self::new(header, table)
     }
 
+    /// The same chords in another encoding, without what was measured. From a coarse encoding this makes no finer one: what was
+    /// rounded stays rounded.
+    ///
+    /// ```
+    /// # let field = visfield::field::example_field();
+    /// use visfield::Encoding;
+    /// let bits = field.with_encoding(Encoding::Bit)?;
+    /// assert!(bits.table().len() * 7 < field.table().len());
+    /// assert!((0..1000).all(|chord| bits.codes().fraction(chord).is_some() == field.codes().fraction(chord).is_some()));
+    /// # Ok::<(), visfield::FieldError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`FieldError`] if the table would be too large.
+    pub fn with_encoding(&self, encoding: Encoding) -> Result<Self, FieldError> {
+        let header = FieldHeader { encoding, measured: Vec::new(), ..self.header.clone() };
+        Self::sample(header, |blocks| blocks.into_iter().for_each(|mut block| block.copy(&self.codes())))
+    }
+
+    /// The same field, with what it was measured to get wrong in its header.
+    ///
+    /// ```
+    /// # let field = visfield::field::example_field();
+    /// use visfield::field::measured::{Measured, MeasuredScene, Purpose};
+    /// let purpose = Purpose::Shadows { angular_radius: 0.05 };
+    /// let measured = Measured { purpose, scene: MeasuredScene::Corner, rays: 64, rms_255: 20.0, mean_abs: 0.05 };
+    /// assert_eq!(field.with_measured(vec![measured]).header().measured, [measured]);
+    /// ```
+    #[must_use]
+    pub fn with_measured(mut self, measured: Vec<Measured>) -> Self {
+        self.header.measured = measured;
+        self
+    }
+
     /// What this field is.
     pub fn header(&self) -> &FieldHeader {
         &self.header
@@ -354,6 +395,7 @@ pub fn ball(radius: f32, representation: Representation, encoding: Encoding) -> 
         representation,
         encoding,
         triangles: 0,
+        measured: Vec::new(),
     };
     let first_hit = |from: Vec3, to: Vec3| {
         let along = to - from;

@@ -58,7 +58,7 @@ impl Ray {
 pub(super) fn is_ordinary(direction: Vec3) -> bool {
     let Vec3 { x, y, z } = direction.abs();
     let largest = x.max(y).max(z);
-    (largest >= 1.0e-12) & (largest <= 1.0e12)
+    (1.0e-12..=1.0e12).contains(&largest)
 }
 
 /// How a field answers a ray.
@@ -162,8 +162,10 @@ impl VisibilityField {
     /// ```
     #[inline]
     pub fn hit(&self, ray: &Ray, options: &QueryOptions) -> Option<f32> {
-        let (ray, scale) = ray.rescaled();
-        Some(self.known_hit(&ray, options, true)? / scale)
+        let (rescaled, scale) = ray.rescaled();
+        let t = self.known_hit(&rescaled, options, true)? / scale;
+        // Scaling back may leave the range of f32, or round up to the end.
+        Some(t.min(ray.t_max.next_down()))
     }
 
     /// The length of the ray up to its [first known hit](Self::hit), in field-space units (bounding radii if the bounds are
@@ -178,7 +180,7 @@ impl VisibilityField {
     #[inline]
     pub fn distance(&self, ray: &Ray, options: &QueryOptions) -> f32 {
         let (ray, _) = ray.rescaled();
-        self.known_hit(&ray, options, true).map_or(f32::INFINITY, |t| t * ray.direction.length())
+        self.known_hit(&ray, options, true).map_or(f32::INFINITY, |t| finite(t * ray.direction.length()))
     }
 
     /// Whether anything lies along the ray before its end.
@@ -214,7 +216,7 @@ impl VisibilityField {
         let c = chord(ray.origin, ray.direction)?;
         let lookup = reversed_lookup(&self.grid(), ray.origin, ray.direction, &c, aim);
         let fraction = self.codes().fraction(lookup.index)?;
-        Some((lookup.before - fraction * lookup.length) / ray.direction.length() / scale)
+        Some(finite((lookup.before - fraction * lookup.length) / ray.direction.length() / scale))
     }
 
     /// A hit along the ray, if there is one: the first that is known if `nearest`, else any.
@@ -227,13 +229,13 @@ impl VisibilityField {
         }
         let first_hit = || self.first_hit_on_chord(direction, &c, options.aim);
         if c.t_entry() >= 0.0 {
-            return first_hit().filter(|t| *t < t_max);
+            return first_hit().filter(|t| *t < t_max).map(not_behind);
         }
         let lookup = reversed_lookup(&self.grid(), origin, direction, &c, options.aim);
         let fraction = self.codes().fraction(lookup.index)?;
         let length = direction.length();
         let t_last = (lookup.before - fraction * lookup.length) / length;
-        let t_bias = options.bias.along(self.resolution(), lookup.before, lookup.length) / length;
+        let t_bias = not_behind(options.bias.along(self.resolution(), lookup.before, lookup.length) / length);
         if t_last <= t_bias || !rises_above(self.resolution(), &lookup, fraction, origin, options) {
             return None;
         }
@@ -257,8 +259,23 @@ impl VisibilityField {
     }
 }
 
+/// A ray parameter, or the origin's for what is behind it: the snapped chord of a ray that starts at the bounds may start, and
+/// be hit, a little before the ray does. No bias reaches behind the origin either; one that is NaN is none.
+#[inline(always)]
+pub(super) fn not_behind(t: f32) -> f32 {
+    // Unlike `max` it decides between zeros of either sign, as a batch must too.
+    if t > 0.0 { t } else { 0.0 }
+}
+
+/// The nearest number to one that left the range of f32: infinity would stand for no hit.
+#[inline(always)]
+pub(super) fn finite(x: f32) -> f32 {
+    x.clamp(f32::MIN, f32::MAX)
+}
+
 /// Whether a hit rises above the surface that the ray leaves, by more than the bias.
 #[inline(always)]
+#[expect(clippy::needless_bitwise_bool, reason = "without a branch, for loops over many rays")]
 pub(super) fn rises_above(
     resolution: Resolution,
     lookup: &Lookup,

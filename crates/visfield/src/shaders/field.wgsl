@@ -146,7 +146,7 @@ fn fraction(shape: TableShape, index: u32) -> f32 {
         }
         case F32: {
             let value = bitcast<f32>(tables[(shape.first_byte >> 2u) + index]);
-            return select(value, NO_HIT, value < 0.0);
+            return select(NO_HIT, value, value >= 0.0 && value <= 1.0);
         }
         default: {
             let code = byte(shape, index);
