@@ -1,5 +1,7 @@
 //! Traces every chord of a table.
 
+use std::fmt;
+
 use glam::Vec3;
 use rayon::prelude::*;
 use thiserror::Error;
@@ -23,7 +25,7 @@ use crate::triangles::TriangleBvh;
 /// };
 /// assert_eq!(settings.rays(), 33 * 33 * 64 * 64);
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct BakeSettings {
     /// Which chords are stored.
     pub representation: Representation,
@@ -38,6 +40,16 @@ impl Default for BakeSettings {
     /// cell centres on the axes.
     fn default() -> Self {
         Self::two_point(65, 32)
+    }
+}
+
+impl fmt::Display for BakeSettings {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let bounds = match self.bounds {
+            BoundsKind::Sphere => "sphere",
+            BoundsKind::Ellipsoid => "ellipsoid",
+        };
+        write!(f, "{} in {}, {bounds}", self.representation, self.encoding.name())
     }
 }
 
@@ -98,6 +110,7 @@ pub fn bake(mesh: &Mesh, settings: &BakeSettings, progress: impl Fn(u64) + Sync)
         representation: settings.representation,
         encoding: settings.encoding,
         triangles: u32::try_from(solid.len()).unwrap_or(u32::MAX),
+        measured: Vec::new(),
     };
     header.validate()?;
 

@@ -26,7 +26,7 @@ const THINNEST: f64 = 0.01;
 /// ```
 /// assert_eq!(visfield_bake::BoundsKind::default(), visfield_bake::BoundsKind::Sphere);
 /// ```
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum BoundsKind {
     /// [`bounding_sphere`]
     #[default]
@@ -200,12 +200,16 @@ fn core_ellipsoid(core: &[DVec3]) -> (DVec3, DMat3) {
         }
         if too_far > too_near {
             let step = too_far / (TARGET * (most.1 - 1.0));
-            weights.iter_mut().for_each(|w| *w *= 1.0 - step);
+            for w in &mut weights {
+                *w *= 1.0 - step;
+            }
             weights[most.0] += step;
         } else {
             let weight = weights[least.0];
             let step = (too_near / (TARGET * (least.1 - 1.0))).min(weight / (1.0 - weight));
-            weights.iter_mut().for_each(|w| *w *= 1.0 + step);
+            for w in &mut weights {
+                *w *= 1.0 + step;
+            }
             // What rounding leaves of a weight that is taken back wholly would count as a support for ever.
             weights[least.0] = if step < weight / (1.0 - weight) { weights[least.0] - step } else { 0.0 };
         }

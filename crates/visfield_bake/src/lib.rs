@@ -8,6 +8,8 @@
 //! 4. [`triangles`] answers exact rays (crate `obvhs`; no other module knows it),
 //! 5. [`bake`](mod@bake) traces every chord of the table.
 //!
+//! [`tune`](mod@tune) chooses the table by measuring what it gets wrong on that very mesh.
+//!
 //! [`exact`] gives the same estimates as `visfield::estimate` by exact rays: what a field's answers are measured against.
 //!
 //! ```
@@ -30,7 +32,10 @@ pub mod exact;
 pub mod measure;
 pub mod mesh;
 pub mod read;
+#[cfg(feature = "command")]
+pub mod report;
 pub mod triangles;
+pub mod tune;
 
 pub use bake::{BakeError, BakeSettings, bake};
 pub use bounds::{BoundsKind, bounding_ellipsoid, bounding_sphere};

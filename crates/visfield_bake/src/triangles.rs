@@ -95,6 +95,17 @@ impl TriangleBvh {
         bvh.ray_traverse(ray, &mut hit, |ray, leaf| self.triangles[leaf].intersect(ray)).then(|| hit.t / length)
     }
 
+    /// Like [`closest_hit`](Self::closest_hit), with the unit normal of the triangle that is hit. Which side it points to
+    /// depends on the triangle's winding.
+    pub fn closest_hit_normal(&self, origin: Vec3, direction: Vec3, t_max: f32) -> Option<(f32, Vec3)> {
+        let PreparedRay { ray, length } = self.prepare(origin, direction, 0.0, t_max)?;
+        let mut hit = RayHit::none();
+        let bvh = self.bvh.as_ref()?;
+        let normal = |leaf: u32| self.triangles[leaf as usize].compute_normal().to_array().into();
+        bvh.ray_traverse(ray, &mut hit, |ray, leaf| self.triangles[leaf].intersect(ray))
+            .then(|| (hit.t / length, normal(hit.primitive_id)))
+    }
+
     /// Whether anything is hit in [`t_min`, `t_max`). Cheaper than [`closest_hit`](Self::closest_hit).
     pub fn occluded(&self, origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> bool {
         self.prepare(origin, direction, t_min, t_max).is_some_and(|ray| self.occluded_prepared(&ray))
@@ -109,15 +120,17 @@ impl TriangleBvh {
     /// The part of [`occluded`](Self::occluded) that comes before the tracing. `None` hits nothing.
     pub fn prepare(&self, origin: Vec3, direction: Vec3, t_min: f32, t_max: f32) -> Option<PreparedRay> {
         let largest = direction.abs().max_element();
+        let shrunk = direction / largest;
+        let length = shrunk.length();
         // Normalised, because `obvhs` treats components below 10⁻⁷ as zero; plus 0, because it takes −0 for a direction
         // that points both ways.
-        let unit = (direction / largest).normalize() + Vec3::ZERO;
+        let unit = shrunk / length + Vec3::ZERO;
         let origin = origin * self.scale;
         // A zero or NaN direction fails here.
         if !(origin.is_finite() && unit.is_finite() && t_max > t_min) {
             return None;
         }
-        let length = (direction / largest).length() * largest * self.scale;
+        let length = length * largest * self.scale;
         let ray = Ray::new(origin.to_array().into(), unit.to_array().into(), t_min * length, t_max * length);
         Some(PreparedRay { ray, length })
     }
@@ -144,6 +157,8 @@ mod tests {
                 let (origin, direction) = (vec3(x, 0.3, 0.2) * scale, Vec3::X * direction * scale);
                 let t = wall.closest_hit(origin, direction, f32::INFINITY).expect("the wall is ahead");
                 assert!((t - 0.5).abs() < 1e-6, "scale {scale}: {t}");
+                let (same, normal) = wall.closest_hit_normal(origin, direction, f32::INFINITY).expect("likewise");
+                assert_eq!((same, normal.abs()), (t, Vec3::X));
                 assert_eq!(wall.closest_hit(origin, direction, 0.499), None);
                 assert!(wall.occluded(origin, direction, 0.499, 0.501));
                 assert!(!wall.occluded(origin, direction, 0.501, f32::INFINITY));

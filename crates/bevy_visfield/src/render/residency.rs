@@ -90,10 +90,7 @@ impl RenderAsset for ResidentField {
             }
             Err(error) => {
                 if residency.refused.insert(id) {
-                    error!(
-                        "visibility field `{}` does not occlude: {error}",
-                        field.header().name
-                    );
+                    error!("visibility field `{}` does not occlude: {error}", field.header().name);
                 }
                 Err(PrepareAssetError::RetryNextUpdate(field))
             }

@@ -1,4 +1,4 @@
-//! `visfield bake`: a mesh file in, a `.vfield` file out.
+//! `visfield bake`: a mesh file in, a `.vfield` file out, of a table that was asked for or of one that is good enough.
 
 use std::fmt::Write;
 use std::fs;
@@ -9,10 +9,13 @@ use clap::Args;
 use indicatif::{DecimalBytes, HumanCount, ProgressBar, ProgressStyle};
 use visfield::VisibilityField;
 use visfield::file;
+use visfield_bake::tune::{TuneError, TuneQuestion, TuneStep, tune};
 use visfield_bake::{BakeError, BakeSettings, Mesh, bake, read_meshes};
 
 use super::CommandError;
+use super::inspect::measured_line;
 use super::settings::FieldArguments;
+use super::tune::TuneArguments;
 
 /// Bake every mesh of a file into one .vfield file.
 #[derive(Debug, Args)]
@@ -21,9 +24,17 @@ Examples:
   visfield bake statue.glb                          writes statue.vfield beside the mesh
   visfield bake crate.obj -o assets/crate.vfield
   visfield bake car.gltf --entries 33 --exits 32    a table of 1.1 MB per mesh instead of 4.3 MB
+  visfield bake car.gltf --max-bytes 500kB          the most accurate table of at most 500 kB
+  visfield bake rock.glb --max-rms 4 --for ao       the smallest one for ambient occlusion with an RMS of 4/255
+  visfield bake tree.glb --max-rms 1.5 --max-bytes 2MB --for ao --receivers others
 
 A table takes entries\u{b2} \u{d7} exits\u{b2} bytes in memory, less in the file, and as many rays to bake: 4.3 million by default,
-about a second. Halving both sides makes it 16 times smaller.")]
+about a second. Halving both sides makes it 16 times smaller.
+
+With a limit, tables of bits and of bytes are baked and measured on the very mesh, against exact rays: on a floor and walls
+around it, and on itself. The smallest that meets the limits wherever they are required is written, and what it was measured
+to get wrong, which `visfield inspect` shows. If there is none, the command fails and writes nothing. Each mesh of a glTF file
+is tuned by itself, with the same limits for each. It takes seconds, up to a minute for limits that cannot be met.")]
 pub(super) struct Arguments {
     /// The mesh: a .glb, .gltf or .obj file in any units, closed or open. Each primitive of a glTF file becomes a field of
     /// its own; node transforms are left out.
@@ -33,6 +44,8 @@ pub(super) struct Arguments {
     output: Option<PathBuf>,
     #[command(flatten)]
     field: FieldArguments,
+    #[command(flatten)]
+    tune: TuneArguments,
 }
 
 impl Arguments {
@@ -40,7 +53,7 @@ impl Arguments {
         let output = self.output.clone().unwrap_or_else(|| self.mesh.with_extension("vfield"));
         check_output(&self.mesh, &output)?;
         let meshes = read_meshes(&self.mesh)?;
-        let settings = self.field.settings();
+        let (settings, question) = (self.field.settings(), self.tune.question());
         // Draws on stderr, and only if that is a terminal.
         let bar = ProgressBar::new(settings.rays().saturating_mul(meshes.len() as u64));
         if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent} %  {eta}") {
@@ -49,15 +62,18 @@ impl Arguments {
         let mut report = String::new();
         let mut fields = Vec::new();
         for mesh in &meshes {
-            bar.set_message(mesh.name.clone());
-            let start = Instant::now();
-            match bake(mesh, &settings, |rays| bar.inc(rays)) {
-                Ok(field) => {
-                    report_field(&mut report, &field, settings, start.elapsed().as_secs_f64());
-                    fields.push(field);
-                }
+            let baked = match &question {
+                Some(question) => tune_one(mesh, question, &bar, &mut report),
+                None => bake_one(mesh, settings, &bar, &mut report),
+            };
+            match baked {
+                Ok(field) => fields.push(field),
                 Err(error) if is_fatal(&error, &meshes) => {
-                    return Err(CommandError::Bake { path: self.mesh.clone(), source: error });
+                    let path = self.mesh.clone();
+                    return Err(match error {
+                        TuneError::Bake(source) => CommandError::Bake { path, source },
+                        source => CommandError::Tune { path, source },
+                    });
                 }
                 Err(error) => {
                     bar.inc(settings.rays());
@@ -77,9 +93,70 @@ impl Arguments {
     }
 }
 
-/// Whether nothing can be gained by going on to the next mesh.
-fn is_fatal(error: &BakeError, meshes: &[Mesh]) -> bool {
-    matches!(error, BakeError::Settings(_)) || meshes.len() == 1
+/// Bakes a mesh as the settings say.
+fn bake_one(
+    mesh: &Mesh,
+    settings: BakeSettings,
+    bar: &ProgressBar,
+    report: &mut String,
+) -> Result<VisibilityField, TuneError> {
+    bar.set_message(mesh.name.clone());
+    let start = Instant::now();
+    let field = bake(mesh, &settings, |rays| bar.inc(rays))?;
+    let (header, seconds) = (field.header(), start.elapsed().as_secs_f64());
+    _ = writeln!(
+        report,
+        "{}: {} triangles, table {} = {}, {:.2} s, {:.2} M rays/s",
+        header.name,
+        HumanCount(header.triangles.into()),
+        header.representation,
+        DecimalBytes(header.table_bytes()),
+        seconds,
+        settings.rays() as f64 / seconds * 1e-6,
+    );
+    Ok(field)
+}
+
+/// Bakes a mesh as cheaply as will do. The bar starts again for every table that is tried.
+fn tune_one(
+    mesh: &Mesh,
+    question: &TuneQuestion,
+    bar: &ProgressBar,
+    report: &mut String,
+) -> Result<VisibilityField, TuneError> {
+    bar.set_message(format!("{}: exact rays", mesh.name));
+    let start = Instant::now();
+    let tuned = tune(mesh, question, |step| match step {
+        TuneStep::Table(settings) => {
+            bar.set_message(format!("{}: {settings}", mesh.name));
+            bar.set_length(settings.rays());
+            bar.set_position(0);
+        }
+        TuneStep::Rays(rays) => bar.inc(rays),
+        _ => {}
+    })?;
+    let header = tuned.field.header();
+    let plural = if tuned.measured_tables == 1 { "" } else { "s" };
+    _ = writeln!(
+        report,
+        "{}: {} triangles, table {} = {}, chosen in {:.2} s, {} table{plural} measured",
+        header.name,
+        HumanCount(header.triangles.into()),
+        tuned.settings,
+        DecimalBytes(header.table_bytes()),
+        start.elapsed().as_secs_f64(),
+        tuned.measured_tables,
+    );
+    for measured in &header.measured {
+        _ = writeln!(report, "  {}", measured_line(measured));
+    }
+    Ok(tuned.field)
+}
+
+/// Whether nothing can be gained by going on to the next mesh. A mesh that cannot be baked is left out of several; limits
+/// hold for all of them.
+fn is_fatal(error: &TuneError, meshes: &[Mesh]) -> bool {
+    !matches!(error, TuneError::Bake(BakeError::Mesh { .. })) || meshes.len() == 1
 }
 
 /// Finds out before the work whether its result could be stored at all.
@@ -94,18 +171,4 @@ fn check_output(mesh: &Path, output: &Path) -> Result<(), CommandError> {
         return Err(CommandError::NoOutputFolder { path: output.to_owned() });
     }
     Ok(())
-}
-
-fn report_field(report: &mut String, field: &VisibilityField, settings: BakeSettings, seconds: f64) {
-    let header = field.header();
-    _ = writeln!(
-        report,
-        "{}: {} triangles, table {} = {}, {:.2} s, {:.2} M rays/s",
-        header.name,
-        HumanCount(header.triangles.into()),
-        header.representation,
-        DecimalBytes(header.table_bytes()),
-        seconds,
-        settings.rays() as f64 / seconds * 1e-6,
-    );
 }

@@ -7,11 +7,13 @@ use std::path::PathBuf;
 use clap::Args;
 use indicatif::{DecimalBytes, HumanCount};
 use visfield::field::lookup::ChordGrid;
+use visfield::field::measured::{Measured, MeasuredScene, Purpose};
 use visfield::{BoundingEllipsoid, Encoding, Representation, VisibilityField, file};
 
 use super::CommandError;
 
-/// Show what a .vfield file holds: sizes, bounds in mesh units, and how many chords meet the mesh.
+/// Show what a .vfield file holds: sizes, bounds in mesh units, how many chords meet the mesh, and what was measured when it
+/// was tuned.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
@@ -72,6 +74,30 @@ fn report_field(report: &mut String, field: &VisibilityField) {
     _ = writeln!(report, "  bounds           {} in mesh units", bounds(&header.bounds));
     _ = writeln!(report, "  triangles        {}", HumanCount(header.triangles.into()));
     _ = writeln!(report, "  chords that hit  {share:.1} %");
+    for (i, measured) in header.measured.iter().enumerate() {
+        let label = if i == 0 { "measured" } else { "" };
+        _ = writeln!(report, "  {label:<15}  {}", measured_line(measured));
+    }
+}
+
+/// One measurement in words.
+pub(super) fn measured_line(measured: &Measured) -> String {
+    let purpose = match measured.purpose {
+        Purpose::Ao { max_distance: None } => "ao".to_owned(),
+        Purpose::Ao { max_distance: Some(distance) } => format!("ao up to {distance} mesh units"),
+        Purpose::Shadows { angular_radius } => format!("shadows, a light of {angular_radius} rad"),
+        other => other.to_string(),
+    };
+    let scene = match measured.scene {
+        MeasuredScene::Corner => "on floor and walls around it",
+        MeasuredScene::CornerFar => "on floor and walls outside its bounds",
+        MeasuredScene::OwnSurface => "on its own surface",
+        other => return format!("{purpose}, {other}: RMS {:.2}/255", measured.rms_255),
+    };
+    format!(
+        "{purpose}, {scene}: RMS {:.2}/255, mean error {:.4}, {} rays",
+        measured.rms_255, measured.mean_abs, measured.rays
+    )
 }
 
 fn bounds(bounds: &BoundingEllipsoid) -> String {

@@ -2,7 +2,10 @@
 
 mod bake;
 mod inspect;
+mod measure;
+mod report;
 mod settings;
+mod tune;
 
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -10,6 +13,8 @@ use std::path::PathBuf;
 use clap::{Parser, Subcommand};
 use thiserror::Error;
 use visfield::file::FileError;
+use visfield_bake::measure::document::DocumentError;
+use visfield_bake::tune::TuneError;
 use visfield_bake::{BakeError, ReadError};
 
 /// Bake meshes into visibility fields: ambient occlusion and soft shadows of moving rigid objects by table look-ups.
@@ -24,6 +29,8 @@ pub(crate) struct Cli {
 enum Command {
     Bake(bake::Arguments),
     Inspect(inspect::Arguments),
+    Measure(measure::Arguments),
+    Report(report::Arguments),
 }
 
 impl Cli {
@@ -32,6 +39,8 @@ impl Cli {
         let report = match &self.command {
             Command::Bake(arguments) => arguments.run()?,
             Command::Inspect(arguments) => arguments.run()?,
+            Command::Measure(arguments) => arguments.run()?,
+            Command::Report(arguments) => arguments.run()?,
         };
         match io::stdout().lock().write_all(report.as_bytes()) {
             // A reader such as `head` has seen enough.
@@ -48,6 +57,10 @@ pub(crate) enum CommandError {
     Read(#[from] ReadError),
     #[error("{path}: {source}")]
     Bake { path: PathBuf, source: BakeError },
+    #[error("{path}: {source}; nothing is written")]
+    Tune { path: PathBuf, source: TuneError },
+    #[error("{path}: choose one of its meshes with --primitive NAME: {names}")]
+    WhichMesh { path: PathBuf, names: String },
     #[error("{path}: none of its {meshes} meshes can be baked, see the warnings")]
     NothingBaked { path: PathBuf, meshes: usize },
     #[error("{path}: this is the mesh itself, which would be overwritten; choose another output with -o")]
@@ -58,6 +71,8 @@ pub(crate) enum CommandError {
     Write(FileError),
     #[error(transparent)]
     Inspect(FileError),
+    #[error(transparent)]
+    Document(#[from] DocumentError),
     #[error("the report cannot be written: {0}")]
     Report(io::Error),
 }

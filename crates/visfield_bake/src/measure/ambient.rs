@@ -4,8 +4,9 @@ use std::ops::Range;
 use std::time::Instant;
 
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use visfield::estimate::Receiver;
+use visfield::field::lookup::Aim;
 use visfield::{Encoding, QueryOptions, VisibilityField};
 
 use super::scene::{MeasureScene, hemisphere_directions};
@@ -14,6 +15,7 @@ use crate::bake::{BakeError, BakeSettings, bake};
 use crate::bounds::BoundsKind;
 use crate::exact::ExactScene;
 use crate::mesh::Mesh;
+use crate::triangles::TriangleBvh;
 
 /// Rays per receiver of the truth that methods are charged against, their own noise included.
 pub const TRUTH_RAYS: u32 = 4096;
@@ -51,7 +53,7 @@ impl Default for AmbientQuestion {
 }
 
 /// What was found. Speeds are of one thread; errors are of occlusion, 0 to 1, unless named otherwise.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct AmbientMeasurement {
     /// Name of the mesh.
     pub mesh: String,
@@ -60,15 +62,15 @@ pub struct AmbientMeasurement {
     /// Where the receivers are.
     pub scene: MeasureScene,
     /// `two-point` or `hemisphere`.
-    pub representation: &'static str,
+    pub representation: String,
     /// The numbers of the representation, as 65² × 32².
     pub size: String,
     /// How the table is encoded.
     pub encoding: Encoding,
     /// `sphere` or `ellipsoid`.
-    pub bounds: &'static str,
+    pub bounds: String,
     /// `point` or `plain`.
-    pub aim: &'static str,
+    pub aim: String,
     /// Size of the table in memory.
     pub field_bytes: u64,
     /// Seconds for the whole bake, on all threads.
@@ -109,7 +111,7 @@ pub struct AmbientMeasurement {
 }
 
 /// How fast both were.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct AmbientSpeed {
     /// Seconds for all rays through the field.
     pub field_seconds: f64,
@@ -125,6 +127,23 @@ pub struct AmbientSpeed {
     pub lookups_per_second: f64,
     /// The same through the triangles.
     pub bvh_rays_per_second: f64,
+}
+
+impl AmbientSpeed {
+    /// Times all rays, and those that meet the bounds.
+    pub(super) fn race(set: &RaySet, meeting: &RaySet, field: &VisibilityField, triangles: &TriangleBvh) -> Self {
+        let (field_seconds, bvh_seconds) = set.race(field, triangles);
+        let (field_meeting, bvh_meeting) = meeting.race(field, triangles);
+        Self {
+            field_seconds,
+            bvh_seconds,
+            speedup: bvh_seconds / field_seconds,
+            speedup_meeting_bounds: bvh_meeting / field_meeting,
+            gather_limit_lookups_per_second: gather_limit(field),
+            lookups_per_second: meeting.field.len() as f64 / field_meeting,
+            bvh_rays_per_second: meeting.field.len() as f64 / bvh_meeting,
+        }
+    }
 }
 
 /// Bakes a mesh and measures ambient occlusion with it.
@@ -172,19 +191,7 @@ pub fn measure_ambient_of(
         })
         .collect();
 
-    let speed = question.speed.then(|| {
-        let (field_seconds, bvh_seconds) = set.race(field, triangles);
-        let (field_meeting, bvh_meeting) = meeting.race(field, triangles);
-        AmbientSpeed {
-            field_seconds,
-            bvh_seconds,
-            speedup: bvh_seconds / field_seconds,
-            speedup_meeting_bounds: bvh_meeting / field_meeting,
-            gather_limit_lookups_per_second: gather_limit(field),
-            lookups_per_second: meeting.field.len() as f64 / field_meeting,
-            bvh_rays_per_second: meeting.field.len() as f64 / bvh_meeting,
-        }
-    });
+    let speed = question.speed.then(|| AmbientSpeed::race(&set, &meeting, field, triangles));
     let header = field.header();
     let occluded: f64 = exact.iter().map(|&x| f64::from(x)).sum::<f64>() / exact.len() as f64;
     let against_same = Errors::of(&found, &exact);
@@ -193,17 +200,11 @@ pub fn measure_ambient_of(
         mesh: mesh.name.clone(),
         triangles: header.triangles,
         scene: question.scene,
-        representation: header.representation.name(),
+        representation: header.representation.name().to_owned(),
         size: header.representation.to_string(),
         encoding: header.encoding,
-        bounds: match question.bake.bounds {
-            BoundsKind::Sphere => "sphere",
-            BoundsKind::Ellipsoid => "ellipsoid",
-        },
-        aim: match question.options.aim {
-            visfield::field::lookup::Aim::Plain => "plain",
-            visfield::field::lookup::Aim::Point => "point",
-        },
+        bounds: bounds_name(question.bake.bounds).to_owned(),
+        aim: aim_name(question.options.aim).to_owned(),
         field_bytes: header.table_bytes(),
         bake_seconds: 0.0,
         bake_rays_per_second: 0.0,
@@ -224,8 +225,22 @@ pub fn measure_ambient_of(
     })
 }
 
+pub(super) fn bounds_name(bounds: BoundsKind) -> &'static str {
+    match bounds {
+        BoundsKind::Sphere => "sphere",
+        BoundsKind::Ellipsoid => "ellipsoid",
+    }
+}
+
+pub(super) fn aim_name(aim: Aim) -> &'static str {
+    match aim {
+        Aim::Plain => "plain",
+        Aim::Point => "point",
+    }
+}
+
 /// The share of occluded rays of each receiver.
-fn shares(occluded: &[bool], receivers: &[(Range<usize>, QueryOptions)]) -> Vec<f32> {
+pub(super) fn shares(occluded: &[bool], receivers: &[(Range<usize>, QueryOptions)]) -> Vec<f32> {
     let share = |range: &Range<usize>| {
         occluded[range.clone()].iter().filter(|&&hit| hit).count() as f32 / range.len().max(1) as f32
     };
@@ -233,16 +248,16 @@ fn shares(occluded: &[bool], receivers: &[(Range<usize>, QueryOptions)]) -> Vec<
 }
 
 /// Differences of two estimates over receivers.
-pub(super) struct Errors {
-    pub(super) rms: f64,
-    pub(super) mean_abs: f64,
-    pub(super) max_abs: f64,
-    pub(super) bias: f64,
+pub(crate) struct Errors {
+    pub(crate) rms: f64,
+    pub(crate) mean_abs: f64,
+    pub(crate) max_abs: f64,
+    pub(crate) bias: f64,
 }
 
 impl Errors {
     /// The RMS is over all receivers; the others over those that either side finds occluded.
-    pub(super) fn of(found: &[f32], exact: &[f32]) -> Self {
+    pub(crate) fn of(found: &[f32], exact: &[f32]) -> Self {
         let (mut squared, mut absolute, mut signed, mut max_abs, mut occluded) = (0.0, 0.0, 0.0, 0.0_f64, 0_u32);
         for (&found, &exact) in found.iter().zip(exact) {
             let error = f64::from(found) - f64::from(exact);

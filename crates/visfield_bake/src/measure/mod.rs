@@ -1,10 +1,32 @@
 //! What a field costs and what it gets wrong, against exact rays: the same rays, in the same run.
 //!
-//! [`scene`] says where occlusion is measured, [`ambient`] measures it.
+//! [`scene`] says where occlusion is measured, [`ambient`] measures it, [`shadow`] measures soft shadows.
+//! With the feature `command`, [`tradeoff`] compares many fields, [`paper2008`] repeats a paper's experiments, [`picture`]
+//! draws what was measured, and [`document`] keeps it in files.
 
 pub mod ambient;
+#[cfg(feature = "command")]
+pub mod document;
+#[cfg(feature = "command")]
+pub mod paper2008;
+#[cfg(feature = "command")]
+pub mod picture;
+#[cfg(feature = "command")]
+mod progress;
+#[cfg(feature = "command")]
+mod reference;
 pub mod scene;
-mod speed;
+pub mod shadow;
+pub(crate) mod speed;
+#[cfg(feature = "command")]
+pub(crate) mod table;
+#[cfg(feature = "command")]
+pub mod tradeoff;
 
 pub use ambient::{AmbientMeasurement, AmbientQuestion, measure_ambient, measure_ambient_of};
+#[cfg(feature = "command")]
+pub use document::MeasurementDocument;
+#[cfg(feature = "command")]
+pub use reference::OcclusionError;
 pub use scene::MeasureScene;
+pub use shadow::{ShadowMeasurement, ShadowQuestion, measure_shadow, measure_shadow_of};

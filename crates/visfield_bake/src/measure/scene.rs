@@ -3,7 +3,7 @@
 //! Everything lies in the mesh's own space, and lengths are relative to the mesh's bounding sphere: units do not matter.
 
 use glam::{DVec3, Mat3, Vec2, Vec3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use visfield::estimate::sampling::sphere_samples;
 use visfield::estimate::{Receiver, cosine_direction};
 
@@ -16,7 +16,7 @@ use crate::mesh::{Mesh, MeshError};
 /// use visfield_bake::measure::MeasureScene;
 /// assert_eq!(MeasureScene::Corner.to_string(), "corner");
 /// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MeasureScene {
     /// The 2008 paper's: the mesh stands on a floor, close to two walls behind it; each of the three squares has 33 × 33
@@ -49,25 +49,48 @@ impl MeasureScene {
     /// # Errors
     /// [`MeshError`] if the mesh cannot be baked.
     pub fn receivers(self, mesh: &Mesh) -> Result<Vec<Receiver>, MeshError> {
+        self.receivers_by(mesh, CORNER_SIDE)
+    }
+
+    /// The same with `side` × `side` receivers on each square of the corner, at least 2 × 2, or up to three times as many on
+    /// the mesh itself.
+    ///
+    /// # Errors
+    /// [`MeshError`] if the mesh cannot be baked.
+    pub fn receivers_by(self, mesh: &Mesh, side: usize) -> Result<Vec<Receiver>, MeshError> {
         match self {
-            Self::Corner => corner(mesh),
-            Self::OwnSurface => own_surface(mesh),
+            Self::Corner => corner(mesh, side.max(2)),
+            Self::OwnSurface => own_surface(mesh, side.max(2)),
         }
     }
 }
 
-fn corner(mesh: &Mesh) -> Result<Vec<Receiver>, MeshError> {
-    let bounds = bounding_sphere(mesh)?;
-    let center = DVec3::from(bounds.center.map(f64::from));
-    let radius = bounds.mesh_from_field().matrix3.x_axis.x;
-    let lowest = mesh.solid_triangles()?.as_flattened().iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
-    let origin = DVec3::new(center.x - WALL_DISTANCE * radius, lowest, center.z - WALL_DISTANCE * radius);
+/// Where the corner's three squares meet, and how long their sides are.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Corner {
+    pub(super) origin: DVec3,
+    pub(super) side: f64,
+}
+
+impl Corner {
+    pub(super) fn around(mesh: &Mesh) -> Result<Self, MeshError> {
+        let bounds = bounding_sphere(mesh)?;
+        let center = DVec3::from(bounds.center.map(f64::from));
+        let radius = bounds.mesh_from_field().matrix3.x_axis.x;
+        let lowest = mesh.solid_triangles()?.as_flattened().iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
+        let origin = DVec3::new(center.x - WALL_DISTANCE * radius, lowest, center.z - WALL_DISTANCE * radius);
+        Ok(Self { origin, side: CORNER_SIZE * radius })
+    }
+}
+
+fn corner(mesh: &Mesh, side: usize) -> Result<Vec<Receiver>, MeshError> {
+    let Corner { origin, side: length } = Corner::around(mesh)?;
     let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z];
-    let mut receivers = Vec::with_capacity(3 * CORNER_SIDE * CORNER_SIDE);
+    let mut receivers = Vec::with_capacity(3 * side * side);
     for (across, along, normal) in [(x, z, y), (x, y, z), (z, y, x)] {
-        for row in 0..CORNER_SIDE {
-            for column in 0..CORNER_SIDE {
-                let at = |i: usize| i as f64 / (CORNER_SIDE - 1) as f64 * CORNER_SIZE * radius;
+        for row in 0..side {
+            for column in 0..side {
+                let at = |i: usize| i as f64 / (side - 1) as f64 * length;
                 let position = origin + across * at(column) + along * at(row);
                 receivers.push(Receiver { position, normal: normal.as_vec3() });
             }
@@ -76,9 +99,9 @@ fn corner(mesh: &Mesh) -> Result<Vec<Receiver>, MeshError> {
     Ok(receivers)
 }
 
-fn own_surface(mesh: &Mesh) -> Result<Vec<Receiver>, MeshError> {
+fn own_surface(mesh: &Mesh, side: usize) -> Result<Vec<Receiver>, MeshError> {
     let triangles = mesh.solid_triangles()?;
-    let step = triangles.len().div_ceil(3 * CORNER_SIDE * CORNER_SIDE);
+    let step = triangles.len().div_ceil(3 * side * side);
     // The triangle's own normal: smooth shading would be another surface.
     let receiver = |[a, b, c]: &[DVec3; 3]| {
         let normal = (b - a).cross(c - a).normalize();

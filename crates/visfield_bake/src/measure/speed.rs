@@ -112,7 +112,7 @@ impl RaySet {
 }
 
 /// The unit normal in field space, by the cofactors of the linear map.
-fn field_normal(field_from_mesh: &Affine3A, normal: Vec3) -> Vec3 {
+pub(crate) fn field_normal(field_from_mesh: &Affine3A, normal: Vec3) -> Vec3 {
     (field_from_mesh.matrix3.inverse().transpose() * normal).normalize_or_zero()
 }
 

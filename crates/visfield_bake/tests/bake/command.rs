@@ -49,7 +49,7 @@ fn bake_then_inspect() {
 
     let inspected = text(&visfield(folder, &["inspect", "shape.vfield"]).stdout);
     for part in
-        ["format version 1", "Mesh0/Primitive0", "65² entries × 32² exits", "u8", "4,326,400 bytes", "radius 1.73"]
+        ["format version 2", "Mesh0/Primitive0", "65² entries × 32² exits", "u8", "4,326,400 bytes", "radius 1.73"]
     {
         assert!(inspected.contains(part), "{part:?} in {inspected}");
     }
@@ -116,7 +116,10 @@ fn every_failure_is_one_line_that_names_the_file() {
         let message = error(folder, &["bake", "good.obj", "-o", output]);
         assert!(message.contains(output) && message.contains(part), "{message}");
     }
-    assert!(error(folder, &["bake", "good.obj", "--entries", "512", "--exits", "512"]).contains("over the limit"));
+    assert!(
+        error(folder, &["bake", "good.obj", "--entries", "512", "--exits", "512"])
+            .contains("choose fewer entries or exits")
+    );
     assert_eq!(fs::read(folder.join("good.obj")).unwrap(), TETRAHEDRON.as_bytes());
     assert!(fs::read_dir(folder).unwrap().all(|e| e.unwrap().path().extension().unwrap() != "vfield"), "no half files");
 }

@@ -4,6 +4,8 @@ mod bad_input;
 mod closed_forms;
 mod command;
 mod example_assets;
+mod measure_report;
 mod own_surface;
 mod real_meshes;
 mod support;
+mod tune;

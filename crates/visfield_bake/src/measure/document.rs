@@ -1,0 +1,203 @@
+//! Measurements as JSON files: what `visfield measure … --json` writes and `visfield report` reads.
+
+use std::cmp::Ordering;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use thiserror::Error;
+
+use super::ambient::AmbientMeasurement;
+use super::paper2008::Paper2008;
+use super::picture::Pictures;
+use super::shadow::ShadowMeasurement;
+use super::tradeoff::Tradeoff;
+
+/// The version that files are written with, and up to which they are read.
+const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// One measurement of any kind. As JSON it is one object with the fields `kind`, `visfield` (the version that wrote it) and
+/// those of the measurement.
+///
+/// ```
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("measured.json");
+/// use visfield_bake::measure::document::{DocumentError, MeasurementDocument};
+/// std::fs::write(&path, "{}")?;
+/// assert!(matches!(MeasurementDocument::read(&path), Err(DocumentError::NoMeasurement { .. })));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum MeasurementDocument {
+    /// Ambient occlusion by one field.
+    Ambient {
+        /// What was measured, its fields beside `kind`.
+        #[serde(flatten)]
+        measurement: Box<AmbientMeasurement>,
+        /// How it looks, for receivers in a corner.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pictures: Option<Box<Pictures>>,
+    },
+    /// Soft shadows by one field.
+    Shadow {
+        /// What was measured, its fields beside `kind`.
+        #[serde(flatten)]
+        measurement: Box<ShadowMeasurement>,
+        /// How it looks, for receivers in a corner.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pictures: Option<Box<Pictures>>,
+    },
+    /// The figures of the 2008 paper.
+    Paper2008(Box<Paper2008>),
+    /// Errors, sizes and speeds of many fields.
+    Tradeoff(Box<Tradeoff>),
+}
+
+/// The names of [`MeasurementDocument`]'s variants, as `kind` has them.
+const KINDS: [&str; 4] = ["ambient", "shadow", "paper2008", "tradeoff"];
+
+#[derive(Serialize)]
+struct Versioned<'a> {
+    visfield: &'a str,
+    #[serde(flatten)]
+    document: &'a MeasurementDocument,
+}
+
+/// Why a file gives no measurement, or cannot be written. Every message is one line and names the file.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum DocumentError {
+    /// The operating system refused.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The file is not JSON.
+    #[error("{path}: this is not JSON: {source}")]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
+    /// It is JSON, but nothing that `visfield measure` wrote.
+    #[error("{path}: this is no measurement; write one with `visfield measure \u{2026} --json FILE`")]
+    NoMeasurement {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The measurement is of a kind that is not known.
+    #[error("{path}: a measurement of the kind {kind:?}; known are {}", KINDS.join(", "))]
+    UnknownKind {
+        /// The file.
+        path: PathBuf,
+        /// The kind it has.
+        kind: String,
+    },
+    /// A later version wrote it.
+    #[error("{path}: written by visfield {version}, this is {VERSION}; update visfield, or measure again")]
+    Newer {
+        /// The file.
+        path: PathBuf,
+        /// The version that wrote it.
+        version: String,
+    },
+    /// A field of the measurement is missing or of another type.
+    #[error("{path}: the measurement is damaged or from another version: {source}; measure again")]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
+}
+
+impl MeasurementDocument {
+    /// Writes the document as JSON. The file appears whole, or stays as it was.
+    ///
+    /// # Errors
+    /// [`DocumentError::Io`] names the file.
+    pub fn write(&self, path: &Path) -> Result<(), DocumentError> {
+        write_whole(path, &self.to_json()).map_err(|source| DocumentError::Io { path: path.to_owned(), source })
+    }
+
+    fn to_json(&self) -> Vec<u8> {
+        let document = Versioned { visfield: VERSION, document: self };
+        serde_json::to_vec_pretty(&document).expect("numbers, texts and lists of them become JSON")
+    }
+
+    /// Reads a document.
+    ///
+    /// # Errors
+    /// [`DocumentError`] names the file, and what is wrong with it.
+    pub fn read(path: &Path) -> Result<Self, DocumentError> {
+        let own = || path.to_owned();
+        let bytes = fs::read(path).map_err(|source| DocumentError::Io { path: own(), source })?;
+        let mut value: Value =
+            serde_json::from_slice(&bytes).map_err(|source| DocumentError::Json { path: own(), source })?;
+        let text = |field: &str| value.get(field).and_then(Value::as_str).map(str::to_owned);
+        let (Some(kind), Some(version)) = (text("kind"), text("visfield")) else {
+            return Err(DocumentError::NoMeasurement { path: own() });
+        };
+        // First, because a later version may know more kinds.
+        if compare_versions(&version, VERSION).is_none_or(Ordering::is_gt) {
+            return Err(DocumentError::Newer { path: own(), version });
+        }
+        if !KINDS.contains(&kind.as_str()) {
+            return Err(DocumentError::UnknownKind { path: own(), kind });
+        }
+        if let Some(fields) = value.as_object_mut() {
+            fields.remove("visfield");
+        }
+        serde_json::from_value(value).map_err(|source| DocumentError::Damaged { path: own(), source })
+    }
+}
+
+/// Writes a file through another one beside it, so that nobody sees half of it.
+///
+/// # Errors
+/// What the system says.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    // What is replaced is the file itself, not a link to it.
+    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    if let Ok(existing) = fs::metadata(&target) {
+        builder.permissions(existing.permissions());
+    } else {
+        // A temporary file is private by default; a report is meant to be read by others.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
+    }
+    let mut temporary = builder.tempfile_in(folder)?;
+    temporary.write_all(bytes)?;
+    temporary.persist(&target).map_err(|error| error.error)?;
+    Ok(())
+}
+
+/// Compares versions of three numbers; `None` if one is not such a version.
+fn compare_versions(a: &str, b: &str) -> Option<Ordering> {
+    let numbers = |version: &str| -> Option<[u64; 3]> {
+        let parts: Vec<u64> = version.split('.').map(str::parse).collect::<Result<_, _>>().ok()?;
+        parts.try_into().ok()
+    };
+    Some(numbers(a)?.cmp(&numbers(b)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions_are_ordered_by_their_numbers() {
+        assert_eq!(compare_versions("0.10.0", "0.9.1"), Some(Ordering::Greater));
+        assert_eq!(compare_versions(VERSION, VERSION), Some(Ordering::Equal));
+        assert_eq!(compare_versions("1.0", VERSION), None);
+    }
+}

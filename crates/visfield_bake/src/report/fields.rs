@@ -1,0 +1,160 @@
+//! Single fields: ambient occlusion and soft shadows.
+
+use maud::{Markup, html};
+
+use super::plot::{Mark, Plot, Series};
+use super::{ReportEntry, pictures, table};
+use crate::measure::ambient::{AmbientMeasurement, AmbientSpeed};
+use crate::measure::document::MeasurementDocument;
+use crate::measure::picture::Pictures;
+use crate::measure::shadow::ShadowMeasurement;
+use crate::measure::table::{Cells, bytes, count, seconds};
+
+type Quantities = Vec<(&'static str, String)>;
+
+pub(super) fn ambient(m: &AmbientMeasurement, drawn: Option<&Pictures>) -> Markup {
+    let mut all: Quantities = vec![
+        ("mesh", format!("{}, {} triangles", m.mesh, count(m.triangles.into()))),
+        ("field", format!("{} {}, {}, {}", m.representation, m.size, m.encoding.name(), m.bounds)),
+        ("look-ups", m.aim.clone()),
+        ("table", bytes(m.field_bytes)),
+        ("bake", format!("{} s, {}", seconds(m.bake_seconds), mega(m.bake_rays_per_second))),
+        ("receivers", format!("{} of the scene {}", count(m.receivers as u64), m.scene)),
+        ("rays", rays(m.rays, m.rays_meeting_bounds, m.occluded_fraction)),
+    ];
+    all.extend(speed(m.speed.as_ref()));
+    all.extend(errors([m.rms_255, m.mean_abs, m.max_abs, m.bias_signed, m.mean_abs_truth, m.exact_mean_abs_truth]));
+    html! {
+        (quantities(&all))
+        @if let Some(drawn) = drawn { (pictures(drawn, "the field", true)) }
+    }
+}
+
+pub(super) fn shadow(m: &ShadowMeasurement, drawn: Option<&Pictures>) -> Markup {
+    let mut all: Quantities = vec![
+        ("mesh", format!("{}, {} triangles", m.mesh, count(m.triangles.into()))),
+        ("light", format!("angular radius {:.4} rad", m.angular_radius)),
+        ("field", format!("{} {}, {}, {}", m.representation, m.size, m.encoding.name(), m.bounds)),
+        ("look-ups", m.aim.clone()),
+        ("table", bytes(m.field_bytes)),
+        ("bake", format!("{} s, {}", seconds(m.bake_seconds), mega(m.bake_rays_per_second))),
+        (
+            "receivers",
+            format!(
+                "{} of the scene {}, {} partly lit",
+                count(m.receivers as u64),
+                m.scene,
+                count(m.partly_lit as u64)
+            ),
+        ),
+        ("rays", rays(m.rays, m.rays_meeting_bounds, m.occluded_fraction)),
+    ];
+    all.extend(speed(m.speed.as_ref()));
+    all.extend(errors([m.rms_255, m.mean_abs, m.max_abs, m.bias_signed, m.mean_abs_truth, m.exact_mean_abs_truth]));
+    html! {
+        (quantities(&all))
+        @if let Some(drawn) = drawn { (pictures(drawn, "the field", true)) }
+    }
+}
+
+fn quantities(all: &Quantities) -> Markup {
+    html! {
+        table class="quantities" {
+            tbody { @for (name, value) in all { tr { td { (name) } td { (value) } } } }
+        }
+    }
+}
+
+fn mega(rate: f64) -> String {
+    format!("{:.1} M/s", rate * 1e-6)
+}
+
+fn rays(all: u64, meeting: u64, occluded: f64) -> String {
+    format!(
+        "{}, {:.1} % meet the bounds, {:.1} % are occluded",
+        count(all),
+        100.0 * meeting as f64 / all.max(1) as f64,
+        100.0 * occluded
+    )
+}
+
+fn speed(speed: Option<&AmbientSpeed>) -> Quantities {
+    let Some(speed) = speed else { return Vec::new() };
+    vec![
+        (
+            "all rays",
+            format!(
+                "field {} s, triangles {} s: {:.1}\u{d7} faster",
+                seconds(speed.field_seconds),
+                seconds(speed.bvh_seconds),
+                speed.speedup
+            ),
+        ),
+        (
+            "rays that meet the bounds",
+            format!(
+                "field {}, triangles {}: {:.1}\u{d7} faster",
+                mega(speed.lookups_per_second),
+                mega(speed.bvh_rays_per_second),
+                speed.speedup_meeting_bounds
+            ),
+        ),
+        ("random bytes of the table", mega(speed.gather_limit_lookups_per_second)),
+    ]
+}
+
+fn errors([rms, mean, max, bias, truth, exact]: [f64; 6]) -> Quantities {
+    vec![
+        ("RMS \u{d7} 255", format!("{rms:.2}")),
+        ("mean absolute error", format!("{mean:.4}, largest {max:.3}")),
+        ("bias", format!("{bias:+.4} (above 0: too dark)")),
+        ("against many more rays", format!("{truth:.4}; the exact rays themselves {exact:.4}")),
+    ]
+}
+
+/// Two fields or more beside each other.
+pub(super) fn comparison(entries: &[ReportEntry]) -> Markup {
+    let mut cells =
+        Cells::new(&["file", "mesh", "of", "field", "bytes", "RMS \u{d7} 255", "mean error", "field s", "triangles s"]);
+    let (mut ambient, mut shadow) = (Vec::new(), Vec::new());
+    for entry in entries {
+        let (what, mesh, field, size, rms, mean, speed) = match &entry.document {
+            MeasurementDocument::Ambient { measurement: m, .. } => {
+                ambient.push((m.field_bytes as f64, m.rms_255));
+                let field = format!("{} {} {}", m.representation, m.size, m.encoding.name());
+                ("ambient", &m.mesh, field, m.field_bytes, m.rms_255, m.mean_abs, m.speed)
+            }
+            MeasurementDocument::Shadow { measurement: m, .. } => {
+                shadow.push((m.field_bytes as f64, m.rms_255));
+                let field = format!("{} {} {}", m.representation, m.size, m.encoding.name());
+                ("shadow", &m.mesh, field, m.field_bytes, m.rms_255, m.mean_abs, m.speed)
+            }
+            _ => continue,
+        };
+        let time = |time: fn(&AmbientSpeed) -> f64| seconds(speed.as_ref().map_or(f64::NAN, time));
+        cells.row([
+            entry.file.clone(),
+            mesh.clone(),
+            what.to_owned(),
+            field,
+            bytes(size),
+            format!("{rms:.2}"),
+            format!("{mean:.4}"),
+            time(|s| s.field_seconds),
+            time(|s| s.bvh_seconds),
+        ]);
+    }
+    let dots = |name: &str, color, points| Series { name: name.to_owned(), color, mark: Mark::Dots, points };
+    let series = vec![dots("ambient occlusion", 0, ambient), dots("soft shadow", 1, shadow)];
+    let series = series.into_iter().filter(|series| !series.points.is_empty()).collect();
+    let plot = Plot { x: "table in bytes", y: "RMS \u{d7} 255", series };
+    html! {
+        @if cells.rows.len() > 1 {
+            section {
+                h2 { "Compared" }
+                (table(&cells))
+                (plot.figure("Error against size"))
+            }
+        }
+    }
+}
