@@ -9,6 +9,7 @@ use bevy::ecs::system::{
 use bevy::prelude::*;
 use bevy::render::render_asset::{PrepareAssetError, RenderAsset};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
+use visfield::Encoding;
 use visfield::gpu::{FieldPool, FieldSlot, PoolStatistics};
 
 use crate::asset::VisibilityField;
@@ -84,6 +85,13 @@ impl RenderAsset for ResidentField {
         residency.free(id);
         match residency.pool.insert(device.wgpu_device(), queue, &field) {
             Ok(slot) => {
+                if field.header().encoding == Encoding::Bit {
+                    warn!(
+                        "visibility field `{}` is of bits, which know no distances: its own mesh looks black where it \
+                         receives occlusion; bake it with `--encoding u8`, unless it is never seen itself",
+                        field.header().name
+                    );
+                }
                 residency.slots.insert(id, slot);
                 residency.refused.remove(&id);
                 Ok(Self)

@@ -100,8 +100,8 @@ pub struct TradeoffPoint {
     pub field_bytes: u64,
     /// Seconds of one thread for all rays of the corner.
     pub field_seconds: f64,
-    /// Rays of the corner that meet the bounds, per second of one thread.
-    pub lookups_per_second: f64,
+    /// The same as rays per second, those included that pass the bounds by.
+    pub rays_per_second: f64,
     /// Error in the corner.
     pub corner: OcclusionError,
     /// Error on the mesh's own surface; bits, which know no distances, have none.
@@ -154,7 +154,7 @@ pub fn tradeoff(mesh: &Mesh, sweep: &Sweep, progress: impl Fn(f64, &str) + Sync)
                 triangles = best.header().triangles;
             }
             for &encoding in &sweep.encodings {
-                let field = encoded(&best, encoding)?;
+                let field = best.with_encoding(encoding)?;
                 for &aim in aims(representation) {
                     sets.aim(aim);
                     points.push(scenes.measure(sets, &field, bounds, aim));
@@ -192,10 +192,9 @@ struct Scenes {
     own: Reference,
 }
 
-/// The rays of both scenes, and those of the corner that meet the bounds.
+/// The rays of both scenes.
 struct Sets {
     corner: RaySet,
-    meeting: usize,
     own: RaySet,
 }
 
@@ -209,7 +208,7 @@ impl Sets {
 impl Scenes {
     fn ray_sets(&self, field: &VisibilityField) -> Sets {
         let [corner, own] = [&self.corner, &self.own].map(|scene| scene.ray_set(field, QueryOptions::default()));
-        Sets { meeting: corner.meeting_bounds().field.len(), corner, own }
+        Sets { corner, own }
     }
 
     fn measure(&self, sets: &Sets, field: &VisibilityField, bounds: BoundsKind, aim: Aim) -> TradeoffPoint {
@@ -223,36 +222,13 @@ impl Scenes {
             aim: aim_name(aim).to_owned(),
             field_bytes: header.table_bytes(),
             field_seconds,
-            lookups_per_second: sets.meeting as f64 / field_seconds,
+            rays_per_second: self.corner.rays() as f64 / field_seconds,
             corner: self.corner.error(&Reference::found(&sets.corner, field)),
             own_surface: (header.encoding != Encoding::Bit)
                 .then(|| self.own.error(&Reference::found(&sets.own, field))),
             pareto: false,
         }
     }
-}
-
-/// The same chords in another encoding, without tracing them again.
-fn encoded(best: &VisibilityField, encoding: Encoding) -> Result<VisibilityField, BakeError> {
-    use rayon::prelude::*;
-    if encoding == best.header().encoding {
-        return Ok(best.clone());
-    }
-    let (grid, codes) = (best.grid(), best.codes());
-    let header = FieldHeader { encoding, ..best.header().clone() };
-    let bits = |point: Vec3| point.to_array().map(f32::to_bits);
-    let known = |start, end| {
-        let (mut start_cell, snapped) = grid.snap_start(start);
-        // Both hemispheres have the equator, where zeros of either sign make different frames.
-        if bits(snapped) != bits(start) && matches!(grid, Grid::Hemisphere(_)) {
-            start_cell += grid.starts() / 2;
-        }
-        let (end_cell, _) = grid.snap_end(start, end);
-        codes.fraction(table_index(&grid, start_cell, end_cell))
-    };
-    Ok(VisibilityField::sample(header, |blocks| {
-        blocks.into_par_iter().for_each(|mut block| block.fill(known));
-    })?)
 }
 
 fn mark_pareto(points: &mut [TradeoffPoint]) {
@@ -289,7 +265,7 @@ impl Tradeoff {
             "RMS \u{d7} 255",
             "own surface",
             "AO s",
-            "M look-ups/s",
+            "M rays/s",
             "front",
         ]);
         for point in points {
@@ -302,7 +278,7 @@ impl Tradeoff {
                 format!("{:.2}", point.corner.rms_255),
                 point.own_surface.map_or("-".to_owned(), |error| format!("{:.2}", error.rms_255)),
                 seconds(point.field_seconds),
-                format!("{:.1}", point.lookups_per_second * 1e-6),
+                format!("{:.1}", point.rays_per_second * 1e-6),
                 if point.pareto { "*" } else { "" }.to_owned(),
             ]);
         }
@@ -323,7 +299,7 @@ mod tests {
             aim: String::new(),
             field_bytes,
             field_seconds,
-            lookups_per_second: 0.0,
+            rays_per_second: 0.0,
             corner: OcclusionError { rms_255, mean_abs: 0.0, bias_signed: 0.0 },
             own_surface: None,
             pareto: false,
@@ -359,7 +335,7 @@ mod tests {
             };
             for encoding in Encoding::ALL {
                 assert!(
-                    encoded(&bake(Encoding::F32), encoding).unwrap() == bake(encoding),
+                    bake(Encoding::F32).with_encoding(encoding).unwrap() == bake(encoding),
                     "{representation} {encoding:?}"
                 );
             }
