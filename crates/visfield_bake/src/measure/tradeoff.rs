@@ -1,10 +1,9 @@
 //! What accuracy costs: many fields of one mesh, their errors, sizes and speeds, and which of them nothing beats.
 
-use glam::Vec3;
 use serde::{Deserialize, Serialize};
 use visfield::field::directions::DirectionMap;
-use visfield::field::lookup::{Aim, ChordGrid, Grid, table_index};
-use visfield::{Encoding, FieldHeader, QueryOptions, Representation, VisibilityField};
+use visfield::field::lookup::Aim;
+use visfield::{Encoding, QueryOptions, Representation, VisibilityField};
 
 use super::ambient::{aim_name, bounds_name};
 use super::progress::Progress;

@@ -184,7 +184,7 @@ fn a_sweep_marks_what_nothing_beats() {
     for point in points {
         assert_eq!(point.own_surface.is_none(), point.encoding == Encoding::Bit);
         assert!(point.corner.rms_255 > 0.0 && point.corner.rms_255 < 30.0, "{point:?}");
-        assert!(point.field_seconds > 0.0 && point.lookups_per_second > 1e4);
+        assert!(point.field_seconds > 0.0 && point.rays_per_second > 1e4);
     }
     let text = TRADEOFF.table();
     assert!(text.contains("two-point, aimed") && text.contains("hemisphere, plain"), "{text}");
