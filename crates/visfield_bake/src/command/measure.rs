@@ -80,6 +80,15 @@ struct Output {
 }
 
 impl Output {
+    /// Finds out before the work whether its result could be written at all.
+    fn check(&self) -> Result<(), CommandError> {
+        let folder = self.json.as_deref().and_then(Path::parent).filter(|folder| !folder.as_os_str().is_empty());
+        match (&self.json, folder) {
+            (Some(path), Some(folder)) if !folder.is_dir() => Err(CommandError::NoJsonFolder { path: path.clone() }),
+            _ => Ok(()),
+        }
+    }
+
     fn write(
         &self,
         document: impl FnOnce() -> Result<MeasurementDocument, BakeError>,
@@ -265,6 +274,7 @@ impl Arguments {
 
 impl Ambient {
     fn run(&self) -> Result<String, CommandError> {
+        self.output.check()?;
         let mesh = self.mesh.read()?;
         let question = AmbientQuestion {
             bake: self.field.settings(),
@@ -286,6 +296,7 @@ impl Ambient {
 
 impl Shadow {
     fn run(&self) -> Result<String, CommandError> {
+        self.output.check()?;
         let mesh = self.mesh.read()?;
         let question = ShadowQuestion {
             bake: self.field.settings(),
@@ -308,6 +319,7 @@ impl Shadow {
 
 impl Paper {
     fn run(&self) -> Result<String, CommandError> {
+        self.output.check()?;
         let mesh = self.mesh.read()?;
         let others = self.models.iter().map(|path| read_mesh(path, None)).collect::<Result<Vec<_>, _>>()?;
         let measurement =
@@ -321,6 +333,7 @@ impl Paper {
 
 impl Tradeoffs {
     fn run(&self) -> Result<String, CommandError> {
+        self.output.check()?;
         let mesh = self.mesh.read()?;
         let sweep = if self.quick { Sweep::quick() } else { Sweep::default() };
         let measurement =

@@ -67,6 +67,8 @@ pub(crate) enum CommandError {
     OutputIsMesh { path: PathBuf },
     #[error("{path}: the folder does not exist; create it, or choose another output with -o")]
     NoOutputFolder { path: PathBuf },
+    #[error("{path}: the folder does not exist; create it, or choose another file with --json")]
+    NoJsonFolder { path: PathBuf },
     #[error("{0}; choose another output with -o")]
     Write(FileError),
     #[error(transparent)]
