@@ -7,8 +7,7 @@ use std::time::Instant;
 
 use clap::Args;
 use indicatif::{DecimalBytes, HumanCount, ProgressBar, ProgressStyle};
-use visfield::VisibilityField;
-use visfield::file;
+use visfield::{Encoding, FieldHeader, Representation, VisibilityField, file};
 use visfield_bake::tune::{TuneError, TuneQuestion, TuneStep, tune};
 use visfield_bake::{BakeError, BakeSettings, Mesh, bake, read_meshes};
 
@@ -114,6 +113,7 @@ fn bake_one(
         seconds,
         settings.rays() as f64 / seconds * 1e-6,
     );
+    note_limits(header, report);
     Ok(field)
 }
 
@@ -150,7 +150,18 @@ fn tune_one(
     for measured in &header.measured {
         _ = writeln!(report, "  {}", measured_line(measured));
     }
+    note_limits(header, report);
     Ok(tuned.field)
+}
+
+/// What the field cannot do in a game, if anything.
+fn note_limits(header: &FieldHeader, report: &mut String) {
+    if matches!(header.representation, Representation::Hemisphere { .. }) {
+        _ = writeln!(report, "  note: for comparisons; games render two-point fields only");
+    }
+    if header.encoding == Encoding::Bit {
+        _ = writeln!(report, "  note: bits know no distances; the mesh looks black where it receives occlusion itself");
+    }
 }
 
 /// Whether nothing can be gained by going on to the next mesh. A mesh that cannot be baked is left out of several; limits

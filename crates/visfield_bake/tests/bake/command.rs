@@ -56,6 +56,72 @@ fn bake_then_inspect() {
 }
 
 #[test]
+fn what_a_game_cannot_do_with_a_field_is_noted() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("shape.obj"), TETRAHEDRON).unwrap();
+    let small = ["bake", "shape.obj", "--entries", "9", "--exits", "8"];
+    let baked = |more: &[&str]| text(&visfield(folder, &[&small, more].concat()).stdout);
+    assert!(!baked(&[]).contains("note"));
+    assert!(baked(&["--encoding", "bit"]).contains("note: bits know no distances"));
+    let papers = ["--representation", "hemisphere", "--positions", "50", "--directions", "8", "--map", "polar"];
+    assert!(baked(&papers).contains("games render two-point fields only"));
+    let inspected = text(&visfield(folder, &["inspect", "shape.vfield"]).stdout);
+    assert!(inspected.contains("hemisphere, 50 positions × 8² directions, Polar map"), "{inspected}");
+}
+
+#[test]
+fn a_measurement_tells_all_and_becomes_a_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("shape.obj"), TETRAHEDRON).unwrap();
+    let flags = ["--entries", "17", "--exits", "16", "--rays", "16", "--bounds", "ellipsoid", "--json", "ao.json"];
+    let measured = visfield(folder, &[&["measure", "ao", "--mesh", "shape.obj"], &flags[..]].concat());
+    assert!(measured.status.success(), "{}", text(&measured.stderr));
+    assert!(text(&measured.stdout).contains("RMS × 255"));
+
+    let json: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("ao.json")).unwrap()).unwrap();
+    for (name, value) in [
+        ("mesh", json!("shape.obj")),
+        ("triangles", json!(4)),
+        ("representation", json!("two-point")),
+        ("encoding", json!("u8")),
+        ("bounds", json!("ellipsoid")),
+        ("field_bytes", json!(17 * 17 * 16 * 16)),
+        ("rays", json!(3 * 33 * 33 * 16)),
+    ] {
+        assert_eq!(json[name], value, "{name}");
+    }
+    let number = |name: &str| json[name].as_f64().unwrap_or_else(|| panic!("{name} in {json}"));
+    for name in [
+        "bake_seconds",
+        "bake_rays_per_second",
+        "rays_meeting_bounds",
+        "occluded_fraction",
+        "field_seconds",
+        "bvh_seconds",
+        "speedup",
+        "speedup_meeting_bounds",
+        "gather_limit_lookups_per_second",
+        "lookups_per_second",
+        "rms_255",
+        "mean_abs",
+        "max_abs",
+        "mean_abs_truth",
+    ] {
+        assert!(number(name) > 0.0, "{name}");
+    }
+    assert!(number("bias_signed").abs() <= number("mean_abs") && number("mean_abs") <= number("max_abs"));
+    assert!((number("speedup") - number("bvh_seconds") / number("field_seconds")).abs() < 1e-6);
+
+    assert!(visfield(folder, &["report", "ao.json", "-o", "page.html"]).status.success());
+    let page = fs::read_to_string(folder.join("page.html")).unwrap();
+    assert!(page.contains("shape.obj") && page.contains("data:image/png;base64,"));
+    let message = error(folder, &["measure", "ao", "--mesh", "shape.obj", "--json", "no/such/folder.json"]);
+    assert!(message.contains("no/such/folder.json") && message.contains("--json"), "{message}");
+}
+
+#[test]
 fn all_sound_primitives_of_a_gltf_go_into_one_file() {
     let folder = tempfile::tempdir().unwrap();
     let mut json = triangle_json();
