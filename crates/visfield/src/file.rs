@@ -215,6 +215,22 @@ pub fn decode(bytes: &[u8]) -> Result<Vec<VisibilityField>, DecodeError> {
 /// # Errors
 /// [`FileError::Io`] if the folder cannot be written to, [`FileError::NotAFile`] if something else than a file is there.
 pub fn write(path: &Path, fields: &[VisibilityField]) -> Result<(), FileError> {
+    write_bytes(path, &encode(fields))
+}
+
+/// Writes any file as [`write`] writes fields: whole or not at all, through links, and to nothing but a file.
+///
+/// ```
+/// # let folder = tempfile::tempdir()?;
+/// # let path = folder.path().join("note.txt");
+/// visfield::file::write_bytes(&path, b"whole")?;
+/// assert_eq!(std::fs::read(&path)?, b"whole");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// As for [`write`].
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     let io_error = |source| FileError::Io { path: path.to_owned(), source };
     // What is replaced is the file itself, not a link to it.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
@@ -230,12 +246,12 @@ pub fn write(path: &Path, fields: &[VisibilityField]) -> Result<(), FileError> {
     if let Some(existing) = existing {
         builder.permissions(existing.permissions());
     } else {
-        // A temporary file is private by default; an asset is meant to be read by others.
+        // A temporary file is private by default; this one is meant to be read by others.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
     }
     let mut temporary = builder.tempfile_in(folder).map_err(io_error)?;
-    temporary.write_all(&encode(fields)).map_err(io_error)?;
+    temporary.write_all(bytes).map_err(io_error)?;
     temporary.as_file().sync_all().map_err(io_error)?;
     temporary.persist(&target).map_err(|error| io_error(error.error))?;
     Ok(())

@@ -4,7 +4,7 @@
 //! invertible affine transform. The data's path through this crate:
 //!
 //! 1. [`file`](mod@file) decodes a field from untrusted bytes, and encodes it,
-//! 2. [`field`] answers single rays in *field space*, where the mesh's bounding sphere is the unit sphere,
+//! 2. [`field`] answers single rays and batches in *field space*, where the mesh's bounding ellipsoid is the unit sphere,
 //! 3. [`scene`] places instances of fields in a world,
 //! 4. [`raycast`] answers a game's own rays against a whole scene,
 //! 5. [`estimate`] turns many rays into ambient occlusion and sun visibility on the CPU,

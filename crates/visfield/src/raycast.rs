@@ -1,12 +1,12 @@
 //! Rays against a whole scene, for a game's own purposes: line of sight, picking, contact. The papers name collision
 //! detection and ray casting among the uses of their fields.
 //!
-//! Answers are as accurate as the fields: a hit is off by about a cell. Batches are many times faster than single rays.
+//! Answers are as accurate as the fields: a hit is off by about a cell. Ask many rays in one batch: that is faster.
 
 use glam::DVec3;
 
 use crate::field::VisibilityField;
-use crate::field::query::{QueryOptions, Ray};
+use crate::field::query::{QueryOptions, Ray, finite};
 use crate::scene::{Placement, Scene};
 
 /// Where a ray hits which instance.
@@ -85,6 +85,13 @@ impl<'a> RayCaster<'a> {
 
     /// The nearest [hit](VisibilityField::hit) of any instance.
     pub fn hit(&self, ray: &Ray, options: &QueryOptions) -> Option<SceneHit> {
+        let (ray, scale) = ray.rescaled();
+        let hit = self.hit_rescaled(&ray, options)?;
+        Some(SceneHit { t: finite(hit.t / scale), ..hit })
+    }
+
+    /// The same for a ray whose direction is neither too short nor too long to be transformed.
+    fn hit_rescaled(&self, ray: &Ray, options: &QueryOptions) -> Option<SceneHit> {
         let mut nearest = None;
         let mut rest = *ray;
         for instance in &self.instances {
@@ -98,14 +105,16 @@ impl<'a> RayCaster<'a> {
 
     /// Whether any instance [occludes](VisibilityField::occluded) the ray.
     pub fn occluded(&self, ray: &Ray, options: &QueryOptions) -> bool {
+        let (ray, _) = ray.rescaled();
         let blocks =
-            |instance: &PlacedInstance| instance.field.occluded(&instance.ray(ray), &instance.options(options));
+            |instance: &PlacedInstance| instance.field.occluded(&instance.ray(&ray), &instance.options(options));
         self.instances.iter().any(blocks)
     }
 
     /// The length of the ray up to its nearest hit, in world units; infinite if it hits nothing.
     pub fn distance(&self, ray: &Ray, options: &QueryOptions) -> f32 {
-        self.hit(ray, options).map_or(f32::INFINITY, |hit| hit.t * ray.direction.length())
+        let (ray, _) = ray.rescaled();
+        self.hit_rescaled(&ray, options).map_or(f32::INFINITY, |hit| finite(hit.t * ray.direction.length()))
     }
 
     /// [`hit`](Self::hit) for many rays at once.
@@ -114,13 +123,22 @@ impl<'a> RayCaster<'a> {
     /// If there are not as many `hits` as `rays`.
     pub fn hit_batch(&self, rays: &[Ray], options: &QueryOptions, hits: &mut [Option<SceneHit>]) {
         assert_eq!(rays.len(), hits.len(), "one answer per ray");
+        self.hit_batch_rescaled(&mut rescaled(rays), options, hits);
+        for (hit, ray) in hits.iter_mut().zip(rays) {
+            if let Some(hit) = hit {
+                hit.t = finite(hit.t / ray.rescaled().1);
+            }
+        }
+    }
+
+    /// The same for rays whose directions are neither too short nor too long to be transformed. They end at their hits.
+    fn hit_batch_rescaled(&self, rest: &mut [Ray], options: &QueryOptions, hits: &mut [Option<SceneHit>]) {
         hits.fill(None);
-        let mut rest = rays.to_vec();
-        let mut found = vec![0.0; rays.len()];
+        let mut found = vec![0.0; rest.len()];
         for instance in &self.instances {
             let in_field: Vec<Ray> = rest.iter().map(|ray| instance.ray(ray)).collect();
             instance.field.hit_batch(&in_field, &instance.options(options), &mut found);
-            for ((hit, ray), &t) in hits.iter_mut().zip(&mut rest).zip(&found) {
+            for ((hit, ray), &t) in hits.iter_mut().zip(&mut *rest).zip(&found) {
                 if t < ray.t_max {
                     *hit = Some(SceneHit { t, instance: instance.index });
                     ray.t_max = t;
@@ -136,6 +154,7 @@ impl<'a> RayCaster<'a> {
     pub fn occluded_batch(&self, rays: &[Ray], options: &QueryOptions, occluded: &mut [bool]) {
         assert_eq!(rays.len(), occluded.len(), "one answer per ray");
         occluded.fill(false);
+        let rays = rescaled(rays);
         let mut found = vec![false; rays.len()];
         for instance in &self.instances {
             let in_field: Vec<Ray> = rays.iter().map(|ray| instance.ray(ray)).collect();
@@ -151,11 +170,16 @@ impl<'a> RayCaster<'a> {
     pub fn distance_batch(&self, rays: &[Ray], options: &QueryOptions, distances: &mut [f32]) {
         assert_eq!(rays.len(), distances.len(), "one answer per ray");
         let mut hits = vec![None; rays.len()];
-        self.hit_batch(rays, options, &mut hits);
+        let mut rays = rescaled(rays);
+        self.hit_batch_rescaled(&mut rays, options, &mut hits);
         for ((distance, hit), ray) in distances.iter_mut().zip(hits).zip(rays) {
-            *distance = hit.map_or(f32::INFINITY, |hit| hit.t * ray.direction.length());
+            *distance = hit.map_or(f32::INFINITY, |hit| finite(hit.t * ray.direction.length()));
         }
     }
+}
+
+fn rescaled(rays: &[Ray]) -> Vec<Ray> {
+    rays.iter().map(|ray| ray.rescaled().0).collect()
 }
 
 #[cfg(test)]
@@ -199,6 +223,26 @@ mod tests {
             assert!(!caster.occluded(&Ray { t_max: t - 0.1, ..ray }, &free));
         }
         assert_eq!(caster.hit(&Ray::new(Vec3::ZERO, Vec3::Z), &free), None);
+    }
+
+    #[test]
+    fn any_direction_has_a_sane_distance() {
+        let scene = balls();
+        let caster = RayCaster::new(&scene, ORIGIN);
+        let free = QueryOptions::default();
+        for length in [1e-40, 1e-30, 1.0, 1e25, 1e38] {
+            let ray = Ray::new(Vec3::ZERO, Vec3::X * length);
+            let (distance, hit) = (caster.distance(&ray, &free), caster.hit(&ray, &free).expect("a ball is ahead"));
+            assert!((distance - 2.1).abs() < 0.05, "length {length}: {distance}");
+            assert!(hit.t.is_finite() && caster.occluded(&ray, &free), "length {length}: {hit:?}");
+            let (mut distances, mut hits) = ([0.0], [None]);
+            caster.distance_batch(&[ray], &free, &mut distances);
+            caster.hit_batch(&[ray], &free, &mut hits);
+            assert_eq!((distances[0], hits[0]), (distance, Some(hit)));
+        }
+        for direction in [Vec3::ZERO, Vec3::NAN, Vec3::INFINITY] {
+            assert_eq!(caster.distance(&Ray::new(Vec3::ZERO, direction), &free), f32::INFINITY);
+        }
     }
 
     #[test]

@@ -10,7 +10,7 @@ use bevy::prelude::*;
 use bevy::render::render_asset::{PrepareAssetError, RenderAsset};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use visfield::Encoding;
-use visfield::gpu::{FieldPool, FieldSlot, PoolStatistics};
+use visfield::gpu::{FieldPool, FieldSlot, PoolError, PoolStatistics};
 
 use crate::asset::VisibilityField;
 
@@ -100,7 +100,11 @@ impl RenderAsset for ResidentField {
                 if residency.refused.insert(id) {
                     error!("visibility field `{}` does not occlude: {error}", field.header().name);
                 }
-                Err(PrepareAssetError::RetryNextUpdate(field))
+                match error {
+                    PoolError::Full { .. } => Err(PrepareAssetError::RetryNextUpdate(field)),
+                    // It will never be taken.
+                    PoolError::Representation => Ok(Self),
+                }
             }
         }
     }

@@ -35,7 +35,7 @@ impl DirectionMap {
     /// All maps, in the order of the paper's Figures 2 and 3.
     pub const ALL: [Self; 4] = [Self::Uniform, Self::Polar, Self::Rejection, Self::Concentric];
 
-    /// The cell of a grid of `side`² cells that contains a unit direction with z ≥ 0, row-major, below `side`².
+    /// The cell of a grid of `side`² cells (`side` at least 1) that contains a unit direction with z ≥ 0, row-major, below `side`².
     ///
     /// Any other vector, NaN included, gives some valid cell.
     #[inline]
@@ -53,7 +53,7 @@ impl DirectionMap {
         (grid.y as u32).min(last) * side + (grid.x as u32).min(last)
     }
 
-    /// The unit direction that stands for a cell: its centre. `None` for the cells that [`Rejection`](Self::Rejection)
+    /// The unit direction that stands for a cell, with `side` at least 1: its centre. `None` for the cells that [`Rejection`](Self::Rejection)
     /// leaves unused; those on its rim are represented by their innermost corner.
     #[inline]
     pub fn direction(self, cell: u32, side: u32) -> Option<Vec3> {

@@ -137,7 +137,9 @@ impl<'a> Codes<'a> {
 
     #[inline(always)]
     fn mean(&self, index: u32) -> f32 {
-        f32::from(self.means[(index / self.chords_per_start) as usize]) * (1.0 / f32::from(LAST_HIT_CODE))
+        let mean = f32::from(self.means[(index / self.chords_per_start) as usize]) * (1.0 / f32::from(LAST_HIT_CODE));
+        // A hostile table may hold the code that no bake writes.
+        mean.min(1.0)
     }
 }
 

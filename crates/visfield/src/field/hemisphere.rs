@@ -4,6 +4,7 @@ use std::f32::consts::TAU;
 
 use glam::{Vec2, Vec3};
 
+use super::MAX_SIDE;
 use super::directions::DirectionMap;
 use super::lookup::{ChordGrid, GRAZING};
 
@@ -32,10 +33,15 @@ impl HemisphereGrid {
     /// The papers' numbers of positions: 8, 16, 32 and 64 rings.
     pub const POSITIONS: [u32; 4] = [290, 1090, 4226, 16642];
 
-    /// A grid of `positions` × `directions`² chords, or `None` if no number of rings makes `positions`.
+    /// A grid of `positions` × `directions`² chords, with 1 to [`MAX_SIDE`] directions a side, or `None` if no number of rings
+    /// makes `positions` or the directions are out of range.
     pub fn new(positions: u32, directions: u32, map: DirectionMap) -> Option<Self> {
         let rings = positions.checked_sub(1)?.isqrt().checked_sub(1)? / 2;
-        (rings > 0 && (2 * rings + 1).pow(2) + 1 == positions).then_some(Self { rings, directions, map })
+        (rings > 0 && (2 * rings + 1).pow(2) + 1 == positions && (1..=MAX_SIDE).contains(&directions)).then_some(Self {
+            rings,
+            directions,
+            map,
+        })
     }
 
     fn hemisphere_positions(self) -> u32 {

@@ -32,10 +32,21 @@ pub struct Measured {
     /// Rays per receiver.
     pub rays: u32,
     /// Root of the mean square error of occlusion × 255, so 0…255: of ambient occlusion over all receivers, of shadows over
-    /// those in the penumbra, partly lit by the field or by the triangles. Where nothing lies in a penumbra it is 0.
+    /// those in the penumbra, partly lit by the field or by the triangles. Where nothing lies in a
+    /// penumbra, the mean absolute error × 255.
     pub rms_255: f32,
     /// Mean absolute error of occlusion, 0…1, over the receivers that the field or the triangles find occluded.
     pub mean_abs: f32,
+}
+
+impl Measured {
+    pub(super) fn is_finite(&self) -> bool {
+        let purpose = match self.purpose {
+            Purpose::Ao { max_distance } => max_distance.unwrap_or(0.0),
+            Purpose::Shadows { angular_radius } => angular_radius,
+        };
+        [purpose, self.rms_255, self.mean_abs].iter().all(|number| number.is_finite())
+    }
 }
 
 /// What a field is used for.

@@ -203,6 +203,9 @@ impl FieldHeader {
         if !self.bounds.is_valid() {
             return Err(FieldError::Bounds);
         }
+        if !self.measured.iter().all(Measured::is_finite) {
+            return Err(FieldError::Measured);
+        }
         let grid = self.representation.grid()?;
         let chords = u64::from(grid.starts()) * u64::from(grid.chords_per_start());
         let bytes = self.table_bytes();
@@ -226,6 +229,9 @@ pub enum FieldError {
         /// The side asked for.
         side: u32,
     },
+    /// Something that was measured is not finite.
+    #[error("what was measured of the field has a number that is not finite")]
+    Measured,
     /// No number of rings makes this number of positions.
     #[error("{positions} positions are none of 290, 1090, 4226 and 16642, nor another (2n + 1)² + 1 below 512²")]
     Positions {
@@ -338,12 +344,16 @@ impl VisibilityField {
     /// use visfield::field::measured::{Measured, MeasuredScene, Purpose};
     /// let purpose = Purpose::Shadows { angular_radius: 0.05 };
     /// let measured = Measured { purpose, scene: MeasuredScene::Corner, rays: 64, rms_255: 20.0, mean_abs: 0.05 };
-    /// assert_eq!(field.with_measured(vec![measured]).header().measured, [measured]);
+    /// assert_eq!(field.with_measured(vec![measured])?.header().measured, [measured]);
+    /// # Ok::<(), visfield::FieldError>(())
     /// ```
-    #[must_use]
-    pub fn with_measured(mut self, measured: Vec<Measured>) -> Self {
+    ///
+    /// # Errors
+    /// [`FieldError::Measured`] if a number is not finite.
+    pub fn with_measured(mut self, measured: Vec<Measured>) -> Result<Self, FieldError> {
         self.header.measured = measured;
-        self
+        self.header.validate()?;
+        Ok(self)
     }
 
     /// What this field is.

@@ -39,7 +39,7 @@ impl Ray {
     /// The same points with a direction whose square neither overflows nor vanishes, and how many of its vectors make one
     /// of the old ones. A power of two, so that nothing is rounded.
     #[inline]
-    pub(super) fn rescaled(&self) -> (Self, f32) {
+    pub(crate) fn rescaled(&self) -> (Self, f32) {
         let largest = self.direction.abs().max_element();
         if is_ordinary(self.direction) || !(largest > 0.0 && largest.is_finite()) {
             return (*self, 1.0);
@@ -269,7 +269,7 @@ pub(super) fn not_behind(t: f32) -> f32 {
 
 /// The nearest number to one that left the range of f32: infinity would stand for no hit.
 #[inline(always)]
-pub(super) fn finite(x: f32) -> f32 {
+pub(crate) fn finite(x: f32) -> f32 {
     x.clamp(f32::MIN, f32::MAX)
 }
 

@@ -138,7 +138,7 @@ fn fraction(shape: TableShape, index: u32) -> f32 {
             let chords_per_start = shape.exits * shape.exits;
             let chords = shape.entries * shape.entries * chords_per_start;
             let mean = byte(shape, (chords >> 3u) + u32((chords & 7u) != 0u) + index / chords_per_start);
-            return f32(mean) * (1.0 / 254.0);
+            return min(f32(mean) * (1.0 / 254.0), 1.0);
         }
         case U16: {
             let code = (tables[(shape.first_byte >> 2u) + (index >> 1u)] >> ((index & 1u) * 16u)) & 0xffffu;
@@ -177,6 +177,11 @@ fn bias_height(bias: Bias, shape: TableShape, before: f32, length: f32) -> f32 {
 
 fn bias_along(bias: Bias, shape: TableShape, before: f32, length: f32) -> f32 {
     return length * half_quantum(shape.encoding) + exit_spread(shape, before, length) * bias.along;
+}
+
+// NaN becomes 0 too.
+fn not_behind(t: f32) -> f32 {
+    return select(0.0, t, t > 0.0);
 }
 
 fn rises_above(
@@ -222,7 +227,7 @@ fn occluded(
     }
     let direction_length = length(direction);
     let t_last = (lookup.before - fraction * lookup.length) / direction_length;
-    let t_bias = bias_along(bias, shape, lookup.before, lookup.length) / direction_length;
+    let t_bias = not_behind(bias_along(bias, shape, lookup.before, lookup.length) / direction_length);
     if t_last <= t_bias || !rises_above(shape, lookup, fraction, origin, normal, bias) {
         return false;
     }
