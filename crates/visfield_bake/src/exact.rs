@@ -55,9 +55,10 @@ impl ExactScene {
         Ok(Self { triangles: TriangleBvh::new(&world), origin })
     }
 
-    /// One mesh as it is.
+    /// One mesh as it is, relative to its own centre.
     pub(crate) fn of_mesh(mesh: &Mesh) -> Result<Self, MeshError> {
-        Self::new(&[(mesh, DAffine3::IDENTITY)], DVec3::ZERO)
+        let center = crate::bounds::bounding_sphere(mesh)?.center;
+        Self::new(&[(mesh, DAffine3::IDENTITY)], DVec3::from(center.map(f64::from)))
     }
 
     /// The triangles, relative to the scene's origin.

@@ -415,7 +415,10 @@ impl<W: Fn(TuneStep) + Sync> Search<'_, W> {
         let measured: Vec<Measured> = self.probes.iter().map(|probe| probe.measure(&field)).collect();
         let rms = worst(&measured).rms_255;
         self.trials.push(Trial { table: *table, rms });
-        Ok((Tuned { field: field.with_measured(measured), settings, measured_tables: 0 }, rms))
+        Ok((
+            Tuned { field: field.with_measured(measured).map_err(BakeError::from)?, settings, measured_tables: 0 },
+            rms,
+        ))
     }
 
     /// The field of a table. Bits and bytes of the same chords share their rays, so that this keeps what it traces until it

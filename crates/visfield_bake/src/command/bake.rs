@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
@@ -11,10 +11,10 @@ use visfield::{Encoding, FieldHeader, Representation, VisibilityField, file};
 use visfield_bake::tune::{TuneError, TuneQuestion, TuneStep, tune};
 use visfield_bake::{BakeError, BakeSettings, Mesh, bake, read_meshes};
 
-use super::CommandError;
 use super::inspect::measured_line;
 use super::settings::FieldArguments;
 use super::tune::TuneArguments;
+use super::{CommandError, check_output};
 
 /// Bake every mesh of a file into one .vfield file.
 #[derive(Debug, Args)]
@@ -50,7 +50,7 @@ pub(super) struct Arguments {
 impl Arguments {
     pub(super) fn run(&self) -> Result<String, CommandError> {
         let output = self.output.clone().unwrap_or_else(|| self.mesh.with_extension("vfield"));
-        check_output(&self.mesh, &output)?;
+        check_output(std::slice::from_ref(&self.mesh), &output)?;
         let meshes = read_meshes(&self.mesh)?;
         let (settings, question) = (self.field.settings(), self.tune.question());
         // Draws on stderr, and only if that is a terminal.
@@ -168,18 +168,4 @@ fn note_limits(header: &FieldHeader, report: &mut String) {
 /// hold for all of them.
 fn is_fatal(error: &TuneError, meshes: &[Mesh]) -> bool {
     !matches!(error, TuneError::Bake(BakeError::Mesh { .. })) || meshes.len() == 1
-}
-
-/// Finds out before the work whether its result could be stored at all.
-fn check_output(mesh: &Path, output: &Path) -> Result<(), CommandError> {
-    let same = fs::canonicalize(mesh).is_ok_and(|mesh| fs::canonicalize(output).is_ok_and(|output| mesh == output));
-    if same {
-        return Err(CommandError::OutputIsMesh { path: output.to_owned() });
-    }
-    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty());
-    // Without a mesh the folder beside it may be missing too; the mesh is then what to complain about.
-    if mesh.exists() && folder.is_some_and(|folder| !folder.is_dir()) {
-        return Err(CommandError::NoOutputFolder { path: output.to_owned() });
-    }
-    Ok(())
 }

@@ -18,11 +18,11 @@ use visfield_bake::measure::{
 };
 use visfield_bake::{BakeError, Mesh, read_meshes};
 
-use super::CommandError;
 use super::settings::FieldArguments;
+use super::{CommandError, check_output};
 
-/// Measure what a field costs and what it gets wrong: the same rays through the field and through triangles (crate obvhs),
-/// alternating in one run. Speeds are of one thread; let nothing else run meanwhile.
+/// Measure what a field costs and what it gets wrong: the same rays through the field and through triangles (crate obvhs) in
+/// one run. Speeds are of one thread; let nothing else run meanwhile.
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     #[command(subcommand)]
@@ -80,13 +80,10 @@ struct Output {
 }
 
 impl Output {
-    /// Finds out before the work whether its result could be written at all.
-    fn check(&self) -> Result<(), CommandError> {
-        let folder = self.json.as_deref().and_then(Path::parent).filter(|folder| !folder.as_os_str().is_empty());
-        match (&self.json, folder) {
-            (Some(path), Some(folder)) if !folder.is_dir() => Err(CommandError::NoJsonFolder { path: path.clone() }),
-            _ => Ok(()),
-        }
+    /// Finds out before the work whether its result could be written.
+    fn check(&self, mesh: &MeshArguments, more: &[PathBuf]) -> Result<(), CommandError> {
+        let inputs = [std::slice::from_ref(&mesh.mesh), more].concat();
+        self.json.as_deref().map_or(Ok(()), |json| check_output(&inputs, json))
     }
 
     fn write(
@@ -178,15 +175,11 @@ struct Ambient {
     /// Where the receivers are
     #[arg(long, value_enum, default_value_t)]
     scene: SceneName,
-    /// Rays per receiver
-    #[arg(long, default_value_t = 256, value_parser = rays())]
+    /// Rays per receiver, 1 to 4096
+    #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=4096))]
     rays: u32,
     #[command(flatten)]
     output: Output,
-}
-
-fn rays() -> clap::builder::RangedI64ValueParser<u32> {
-    clap::value_parser!(u32).range(1..=1 << 12)
 }
 
 /// The soft shadow of a slanted directional light.
@@ -211,8 +204,8 @@ struct Shadow {
     /// Half of the angle that the light covers in the sky, in radians, 0 to 1.2; the sun's is 0.00465
     #[arg(long, value_name = "RADIANS", default_value_t = 0.05, value_parser = angular_radius)]
     angular_radius: f32,
-    /// Rays per receiver
-    #[arg(long, default_value_t = 64, value_parser = rays())]
+    /// Rays per receiver, 1 to 256
+    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=256))]
     rays: u32,
     #[command(flatten)]
     output: Output,
@@ -274,7 +267,7 @@ impl Arguments {
 
 impl Ambient {
     fn run(&self) -> Result<String, CommandError> {
-        self.output.check()?;
+        self.output.check(&self.mesh, &[])?;
         let mesh = self.mesh.read()?;
         let question = AmbientQuestion {
             bake: self.field.settings(),
@@ -296,7 +289,7 @@ impl Ambient {
 
 impl Shadow {
     fn run(&self) -> Result<String, CommandError> {
-        self.output.check()?;
+        self.output.check(&self.mesh, &[])?;
         let mesh = self.mesh.read()?;
         let question = ShadowQuestion {
             bake: self.field.settings(),
@@ -319,7 +312,7 @@ impl Shadow {
 
 impl Paper {
     fn run(&self) -> Result<String, CommandError> {
-        self.output.check()?;
+        self.output.check(&self.mesh, &self.models)?;
         let mesh = self.mesh.read()?;
         let others = self.models.iter().map(|path| read_mesh(path, None)).collect::<Result<Vec<_>, _>>()?;
         let measurement =
@@ -333,7 +326,7 @@ impl Paper {
 
 impl Tradeoffs {
     fn run(&self) -> Result<String, CommandError> {
-        self.output.check()?;
+        self.output.check(&self.mesh, &[])?;
         let mesh = self.mesh.read()?;
         let sweep = if self.quick { Sweep::quick() } else { Sweep::default() };
         let measurement =

@@ -7,8 +7,9 @@ mod report;
 mod settings;
 mod tune;
 
+use std::fs;
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Parser, Subcommand};
 use thiserror::Error;
@@ -63,12 +64,10 @@ pub(crate) enum CommandError {
     WhichMesh { path: PathBuf, names: String },
     #[error("{path}: none of its {meshes} meshes can be baked, see the warnings")]
     NothingBaked { path: PathBuf, meshes: usize },
-    #[error("{path}: this is the mesh itself, which would be overwritten; choose another output with -o")]
-    OutputIsMesh { path: PathBuf },
-    #[error("{path}: the folder does not exist; create it, or choose another output with -o")]
+    #[error("{path}: this file is read, and would be overwritten; choose another output")]
+    OutputIsInput { path: PathBuf },
+    #[error("{path}: the folder does not exist; create it, or choose another output")]
     NoOutputFolder { path: PathBuf },
-    #[error("{path}: the folder does not exist; create it, or choose another file with --json")]
-    NoJsonFolder { path: PathBuf },
     #[error("{0}; choose another output with -o")]
     Write(FileError),
     #[error(transparent)]
@@ -77,4 +76,18 @@ pub(crate) enum CommandError {
     Document(#[from] DocumentError),
     #[error("the report cannot be written: {0}")]
     Report(io::Error),
+}
+
+/// Finds out before the work whether its result could be stored at all, and would not take the place of an input.
+fn check_output(inputs: &[PathBuf], output: &Path) -> Result<(), CommandError> {
+    let whole = |path: &Path| fs::canonicalize(path).ok();
+    if whole(output).is_some_and(|output| inputs.iter().any(|input| whole(input).as_ref() == Some(&output))) {
+        return Err(CommandError::OutputIsInput { path: output.to_owned() });
+    }
+    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty());
+    // Without an input the folder beside it may be missing too; the input is then what to complain about.
+    if inputs.iter().all(|input| input.exists()) && folder.is_some_and(|folder| !folder.is_dir()) {
+        return Err(CommandError::NoOutputFolder { path: output.to_owned() });
+    }
+    Ok(())
 }

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use visfield_bake::measure::document::{DocumentError, MeasurementDocument, write_whole};
+use visfield_bake::measure::document::{DocumentError, MeasurementDocument};
 use visfield_bake::report::{ReportEntry, report};
 
-use super::CommandError;
+use super::{CommandError, check_output};
 
 /// Make one HTML page with tables, plots and pictures from the files of `visfield measure --json`.
 #[derive(Debug, Args)]
@@ -28,10 +28,10 @@ pub(super) struct Arguments {
 
 impl Arguments {
     pub(super) fn run(&self) -> Result<String, CommandError> {
+        check_output(&self.measurements, &self.output)?;
         let entries = self.measurements.iter().map(|path| entry(path)).collect::<Result<Vec<_>, _>>()?;
         let page = report(&entries);
-        write_whole(&self.output, page.as_bytes())
-            .map_err(|source| DocumentError::Io { path: self.output.clone(), source })?;
+        visfield::file::write_bytes(&self.output, page.as_bytes()).map_err(CommandError::Write)?;
         let plural = if entries.len() == 1 { "" } else { "s" };
         Ok(format!("{}: {} measurement{plural}\n", self.output.display(), entries.len()))
     }

@@ -7,12 +7,11 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use visfield::estimate::Receiver;
 use visfield::field::lookup::Aim;
-use visfield::{Encoding, QueryOptions, VisibilityField};
+use visfield::{BoundingEllipsoid, Encoding, QueryOptions, VisibilityField};
 
 use super::scene::{MeasureScene, hemisphere_directions};
 use super::speed::{RaySet, gather_limit};
 use crate::bake::{BakeError, BakeSettings, bake};
-use crate::bounds::BoundsKind;
 use crate::exact::ExactScene;
 use crate::mesh::Mesh;
 use crate::triangles::TriangleBvh;
@@ -203,7 +202,7 @@ pub fn measure_ambient_of(
         representation: header.representation.name().to_owned(),
         size: header.representation.to_string(),
         encoding: header.encoding,
-        bounds: bounds_name(question.bake.bounds).to_owned(),
+        bounds: bounds_name(&header.bounds).to_owned(),
         aim: aim_name(question.options.aim).to_owned(),
         field_bytes: header.table_bytes(),
         bake_seconds: 0.0,
@@ -225,11 +224,8 @@ pub fn measure_ambient_of(
     })
 }
 
-pub(super) fn bounds_name(bounds: BoundsKind) -> &'static str {
-    match bounds {
-        BoundsKind::Sphere => "sphere",
-        BoundsKind::Ellipsoid => "ellipsoid",
-    }
+pub(super) fn bounds_name(bounds: &BoundingEllipsoid) -> &'static str {
+    if bounds.sphere_radius().is_some() { "sphere" } else { "ellipsoid" }
 }
 
 pub(super) fn aim_name(aim: Aim) -> &'static str {

@@ -1,13 +1,13 @@
 //! Measurements as JSON files: what `visfield measure … --json` writes and `visfield report` reads.
 
 use std::cmp::Ordering;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use thiserror::Error;
+use visfield::file::FileError;
 
 use super::ambient::AmbientMeasurement;
 use super::paper2008::Paper2008;
@@ -70,7 +70,10 @@ struct Versioned<'a> {
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum DocumentError {
-    /// The operating system refused.
+    /// The file cannot be written.
+    #[error(transparent)]
+    Write(#[from] FileError),
+    /// The file cannot be read.
     #[error("{path}: {source}")]
     Io {
         /// The file.
@@ -122,9 +125,9 @@ impl MeasurementDocument {
     /// Writes the document as JSON. The file appears whole, or stays as it was.
     ///
     /// # Errors
-    /// [`DocumentError::Io`] names the file.
+    /// [`DocumentError::Write`] names the file.
     pub fn write(&self, path: &Path) -> Result<(), DocumentError> {
-        write_whole(path, &self.to_json()).map_err(|source| DocumentError::Io { path: path.to_owned(), source })
+        Ok(visfield::file::write_bytes(path, &self.to_json())?)
     }
 
     fn to_json(&self) -> Vec<u8> {
@@ -157,28 +160,6 @@ impl MeasurementDocument {
         }
         serde_json::from_value(value).map_err(|source| DocumentError::Damaged { path: own(), source })
     }
-}
-
-/// Writes a file through another one beside it, so that nobody sees half of it.
-///
-/// # Errors
-/// What the system says.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    // What is replaced is the file itself, not a link to it.
-    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    if let Ok(existing) = fs::metadata(&target) {
-        builder.permissions(existing.permissions());
-    } else {
-        // A temporary file is private by default; a report is meant to be read by others.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o644));
-    }
-    let mut temporary = builder.tempfile_in(folder)?;
-    temporary.write_all(bytes)?;
-    temporary.persist(&target).map_err(|error| error.error)?;
-    Ok(())
 }
 
 /// Compares versions of three numbers; `None` if one is not such a version.

@@ -186,7 +186,7 @@ pub fn measure_shadow_of(
         representation: header.representation.name().to_owned(),
         size: header.representation.to_string(),
         encoding: header.encoding,
-        bounds: bounds_name(question.bake.bounds).to_owned(),
+        bounds: bounds_name(&header.bounds).to_owned(),
         aim: aim_name(question.options.aim).to_owned(),
         angular_radius: question.angular_radius,
         field_bytes: header.table_bytes(),

@@ -4,9 +4,9 @@ use std::hint::black_box;
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
-use glam::{Affine3A, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 use visfield::estimate::Receiver;
-use visfield::field::lookup::ChordGrid;
+use visfield::scene::Placement;
 use visfield::{QueryOptions, Ray, VisibilityField};
 
 use crate::triangles::{PreparedRay, TriangleBvh};
@@ -37,17 +37,17 @@ impl RaySet {
         directions: impl Fn(&Receiver, usize) -> Vec<Vec3>,
         start: impl Fn(&Receiver) -> Vec3,
     ) -> Self {
-        let field_from_mesh = field.field_from_mesh();
+        let asked = AskedField::new(field);
         let mut set = Self { field: Vec::new(), exact: Vec::new(), receivers: Vec::new() };
         for (index, receiver) in receivers.iter().enumerate() {
             let first = set.field.len();
-            let origin = field_from_mesh.transform_point3(receiver.position.as_vec3());
+            let origin = asked.origin(receiver);
             for direction in directions(receiver, index) {
                 let exact = triangles.prepare(start(receiver), direction, 0.0, f32::INFINITY);
                 set.exact.push(exact.expect("directions are unit vectors"));
-                set.field.push(Ray::new(origin, field_from_mesh.transform_vector3(direction)));
+                set.field.push(Ray::new(origin, asked.direction(direction)));
             }
-            let normal = field_normal(&field_from_mesh, receiver.normal);
+            let normal = asked.normal(receiver);
             set.receivers.push((first..set.field.len(), QueryOptions { normal, ..options }));
         }
         set
@@ -111,21 +111,43 @@ impl RaySet {
     }
 }
 
-/// The unit normal in field space, by the cofactors of the linear map.
-pub(crate) fn field_normal(field_from_mesh: &Affine3A, normal: Vec3) -> Vec3 {
-    (field_from_mesh.matrix3.inverse().transpose() * normal).normalize_or_zero()
+/// A field in the space of its mesh, asked near the mesh's own centre: neither where the mesh lies nor its units cost digits.
+pub(crate) struct AskedField {
+    placement: Placement,
+    center: DVec3,
 }
 
-/// Random bytes of the table per second: what no lookup can exceed.
+impl AskedField {
+    pub(crate) fn new(field: &VisibilityField) -> Self {
+        let bounds = &field.header().bounds;
+        let center = DVec3::from(bounds.center.map(f64::from));
+        let placement = Placement::new(bounds, DAffine3::IDENTITY, center);
+        Self { placement: placement.expect("the bounds of a field have a volume"), center }
+    }
+
+    pub(crate) fn origin(&self, receiver: &Receiver) -> Vec3 {
+        self.placement.field_from_world.transform_point3((receiver.position - self.center).as_vec3())
+    }
+
+    /// A linear map keeps the ray parameter.
+    pub(crate) fn direction(&self, direction: Vec3) -> Vec3 {
+        self.placement.field_from_world.transform_vector3(direction)
+    }
+
+    pub(crate) fn normal(&self, receiver: &Receiver) -> Vec3 {
+        self.placement.field_normal(receiver.normal)
+    }
+}
+
+/// Random bytes of the table per second: what lookups with nothing to compute and no coherence would do.
 pub(super) fn gather_limit(field: &VisibilityField) -> f64 {
     let bytes = field.table();
-    let chords = u64::from(field.grid().starts()) * u64::from(field.grid().chords_per_start());
     // A multiplicative generator over the whole table; which one does not matter as long as nobody can predict it.
     let mut state = 0x9E37_79B9_7F4A_7C15_u64;
     let positions: Vec<u32> = (0..1 << 20)
         .map(|_| {
             state = state.wrapping_mul(0xD129_0D3F_8F2B_7A55).wrapping_add(1);
-            ((u128::from(state) * u128::from(chords.min(bytes.len() as u64))) >> 64) as u32
+            ((u128::from(state) * bytes.len() as u128) >> 64) as u32
         })
         .collect();
     let gather = || positions.iter().fold(0_u32, |sum, &at| sum.wrapping_add(bytes[at as usize].into()));

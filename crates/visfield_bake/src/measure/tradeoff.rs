@@ -156,7 +156,7 @@ pub fn tradeoff(mesh: &Mesh, sweep: &Sweep, progress: impl Fn(f64, &str) + Sync)
                 let field = best.with_encoding(encoding)?;
                 for &aim in aims(representation) {
                     sets.aim(aim);
-                    points.push(scenes.measure(sets, &field, bounds, aim));
+                    points.push(scenes.measure(sets, &field, aim));
                     progress.add(work_per_point(scenes.corner.rays()), &format!("asking {representation}"));
                 }
             }
@@ -210,14 +210,14 @@ impl Scenes {
         Sets { corner, own }
     }
 
-    fn measure(&self, sets: &Sets, field: &VisibilityField, bounds: BoundsKind, aim: Aim) -> TradeoffPoint {
+    fn measure(&self, sets: &Sets, field: &VisibilityField, aim: Aim) -> TradeoffPoint {
         let header = field.header();
         let field_seconds = Reference::field_seconds(&sets.corner, field);
         TradeoffPoint {
             representation: header.representation.name().to_owned(),
             size: header.representation.to_string(),
             encoding: header.encoding,
-            bounds: bounds_name(bounds).to_owned(),
+            bounds: bounds_name(&header.bounds).to_owned(),
             aim: aim_name(aim).to_owned(),
             field_bytes: header.table_bytes(),
             field_seconds,

@@ -1,12 +1,14 @@
 //! Single fields: ambient occlusion and soft shadows.
 
 use maud::{Markup, html};
+use visfield::Encoding;
 
 use super::plot::{Mark, Plot, Series};
 use super::{ReportEntry, pictures, table};
 use crate::measure::ambient::{AmbientMeasurement, AmbientSpeed};
 use crate::measure::document::MeasurementDocument;
 use crate::measure::picture::Pictures;
+use crate::measure::scene::MeasureScene;
 use crate::measure::shadow::ShadowMeasurement;
 use crate::measure::table::{Cells, bytes, count, seconds};
 
@@ -15,7 +17,7 @@ type Quantities = Vec<(&'static str, String)>;
 pub(super) fn ambient(m: &AmbientMeasurement, drawn: Option<&Pictures>) -> Markup {
     let mut all: Quantities = vec![
         ("mesh", format!("{}, {} triangles", m.mesh, count(m.triangles.into()))),
-        ("field", format!("{} {}, {}, {}", m.representation, m.size, m.encoding.name(), m.bounds)),
+        ("field", field(&m.representation, &m.size, m.encoding, &m.bounds)),
         ("look-ups", m.aim.clone()),
         ("table", bytes(m.field_bytes)),
         ("bake", format!("{} s, {}", seconds(m.bake_seconds), mega(m.bake_rays_per_second))),
@@ -34,7 +36,7 @@ pub(super) fn shadow(m: &ShadowMeasurement, drawn: Option<&Pictures>) -> Markup 
     let mut all: Quantities = vec![
         ("mesh", format!("{}, {} triangles", m.mesh, count(m.triangles.into()))),
         ("light", format!("angular radius {:.4} rad", m.angular_radius)),
-        ("field", format!("{} {}, {}, {}", m.representation, m.size, m.encoding.name(), m.bounds)),
+        ("field", field(&m.representation, &m.size, m.encoding, &m.bounds)),
         ("look-ups", m.aim.clone()),
         ("table", bytes(m.field_bytes)),
         ("bake", format!("{} s, {}", seconds(m.bake_seconds), mega(m.bake_rays_per_second))),
@@ -63,6 +65,10 @@ fn quantities(all: &Quantities) -> Markup {
             tbody { @for (name, value) in all { tr { td { (name) } td { (value) } } } }
         }
     }
+}
+
+fn field(representation: &str, size: &str, encoding: Encoding, bounds: &str) -> String {
+    format!("{representation} {size}, {}, {bounds}", encoding.name())
 }
 
 fn mega(rate: f64) -> String {
@@ -112,34 +118,81 @@ fn errors([rms, mean, max, bias, truth, exact]: [f64; 6]) -> Quantities {
     ]
 }
 
+/// A row of the comparison.
+struct Compared<'a> {
+    mesh: &'a str,
+    /// Of the light; without one it is ambient occlusion.
+    angular_radius: Option<f32>,
+    scene: MeasureScene,
+    field: String,
+    aim: &'a str,
+    field_bytes: u64,
+    rms_255: f64,
+    mean_abs: f64,
+    speed: Option<AmbientSpeed>,
+}
+
+impl<'a> Compared<'a> {
+    fn of(document: &'a MeasurementDocument) -> Option<Self> {
+        match document {
+            MeasurementDocument::Ambient { measurement: m, .. } => Some(Self {
+                mesh: &m.mesh,
+                angular_radius: None,
+                scene: m.scene,
+                field: field(&m.representation, &m.size, m.encoding, &m.bounds),
+                aim: &m.aim,
+                field_bytes: m.field_bytes,
+                rms_255: m.rms_255,
+                mean_abs: m.mean_abs,
+                speed: m.speed,
+            }),
+            MeasurementDocument::Shadow { measurement: m, .. } => Some(Self {
+                mesh: &m.mesh,
+                angular_radius: Some(m.angular_radius),
+                scene: m.scene,
+                field: field(&m.representation, &m.size, m.encoding, &m.bounds),
+                aim: &m.aim,
+                field_bytes: m.field_bytes,
+                rms_255: m.rms_255,
+                mean_abs: m.mean_abs,
+                speed: m.speed,
+            }),
+            MeasurementDocument::Paper2008(_) | MeasurementDocument::Tradeoff(_) => None,
+        }
+    }
+}
+
 /// Two fields or more beside each other.
 pub(super) fn comparison(entries: &[ReportEntry]) -> Markup {
-    let mut cells =
-        Cells::new(&["file", "mesh", "of", "field", "bytes", "RMS \u{d7} 255", "mean error", "field s", "triangles s"]);
+    let mut cells = Cells::new(&[
+        "file",
+        "mesh",
+        "of",
+        "receivers",
+        "field",
+        "look-ups",
+        "bytes",
+        "RMS \u{d7} 255",
+        "mean error",
+        "field s",
+        "triangles s",
+    ]);
     let (mut ambient, mut shadow) = (Vec::new(), Vec::new());
     for entry in entries {
-        let (what, mesh, field, size, rms, mean, speed) = match &entry.document {
-            MeasurementDocument::Ambient { measurement: m, .. } => {
-                ambient.push((m.field_bytes as f64, m.rms_255));
-                let field = format!("{} {} {}", m.representation, m.size, m.encoding.name());
-                ("ambient", &m.mesh, field, m.field_bytes, m.rms_255, m.mean_abs, m.speed)
-            }
-            MeasurementDocument::Shadow { measurement: m, .. } => {
-                shadow.push((m.field_bytes as f64, m.rms_255));
-                let field = format!("{} {} {}", m.representation, m.size, m.encoding.name());
-                ("shadow", &m.mesh, field, m.field_bytes, m.rms_255, m.mean_abs, m.speed)
-            }
-            _ => continue,
-        };
-        let time = |time: fn(&AmbientSpeed) -> f64| seconds(speed.as_ref().map_or(f64::NAN, time));
+        let Some(row) = Compared::of(&entry.document) else { continue };
+        let points = if row.angular_radius.is_some() { &mut shadow } else { &mut ambient };
+        points.push((row.field_bytes as f64, row.rms_255));
+        let time = |time: fn(&AmbientSpeed) -> f64| seconds(row.speed.as_ref().map_or(f64::NAN, time));
         cells.row([
             entry.file.clone(),
-            mesh.clone(),
-            what.to_owned(),
-            field,
-            bytes(size),
-            format!("{rms:.2}"),
-            format!("{mean:.4}"),
+            row.mesh.to_owned(),
+            row.angular_radius.map_or("ambient".to_owned(), |radius| format!("shadow, {radius:.4} rad")),
+            row.scene.to_string(),
+            row.field,
+            row.aim.to_owned(),
+            bytes(row.field_bytes),
+            format!("{:.2}", row.rms_255),
+            format!("{:.4}", row.mean_abs),
             time(|s| s.field_seconds),
             time(|s| s.bvh_seconds),
         ]);

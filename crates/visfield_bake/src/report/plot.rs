@@ -143,11 +143,12 @@ impl Mark {
     }
 }
 
+/// Whether a logarithmic axis shows a number. Anyone can write what is read here, and an axis has ticks for each decade.
 fn is_drawable(x: f64) -> bool {
-    x.is_finite() && x > 0.0
+    (1e-30..=1e30).contains(&x)
 }
 
-/// Around all values that a logarithmic axis can show.
+/// Around all values that are drawn.
 fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     let (least, most) = values
         .filter(|&x| is_drawable(x))
@@ -193,6 +194,15 @@ mod tests {
         assert_eq!(svg.matches("<circle").count(), 2);
         assert!(!svg.contains("NaN") && !svg.contains("#000000"));
         assert!(plot(vec![(5.0, 5.0)]).is_some(), "a single point has axes too");
+    }
+
+    #[test]
+    fn numbers_beyond_all_measurements_are_left_out() {
+        let svg = plot(vec![(1.0, 1.0), (1.5e308, 1.0), (1.0, f64::MAX), (f64::MIN_POSITIVE, 5e-324)]).unwrap();
+        assert_eq!(svg.matches("<circle").count(), 1);
+        let svg = plot(vec![(1e-30, 1e30), (1e30, 1e-30)]).unwrap();
+        assert_eq!(svg.matches("<circle").count(), 2);
+        assert!(svg.len() < 100_000, "{} bytes for as many decades as there can be", svg.len());
     }
 
     #[test]

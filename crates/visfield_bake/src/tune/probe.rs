@@ -14,7 +14,7 @@ use crate::measure::MeasureScene;
 use crate::measure::ambient::Errors;
 use crate::measure::scene::{CORNER_SIDE, hemisphere_directions};
 use crate::measure::shadow::{MeasuredLight, SHADOW_SIDE, ShadowErrors};
-use crate::measure::speed::field_normal;
+use crate::measure::speed::AskedField;
 use crate::mesh::{Mesh, MeshError};
 
 /// Receivers that ask for one thing, and what exact rays answer.
@@ -85,7 +85,8 @@ impl Probe {
         let found = self.field_occlusion(field);
         let (rms, mean_abs) = if self.light.is_some() {
             let errors = ShadowErrors::of(&found, &self.exact);
-            (errors.rms, errors.mean_abs)
+            // Without a penumbra there is nothing that the RMS could be of.
+            (if errors.partly_lit == 0 { errors.mean_abs } else { errors.rms }, errors.mean_abs)
         } else {
             let errors = Errors::of(&found, &self.exact);
             (errors.rms, errors.mean_abs)
@@ -108,17 +109,13 @@ impl Probe {
     }
 
     fn field_occlusion(&self, field: &VisibilityField) -> Vec<f32> {
-        let field_from_mesh = field.field_from_mesh();
+        let asked = AskedField::new(field);
         self.shares(|receiver, directions| {
-            let origin = field_from_mesh.transform_point3(receiver.position.as_vec3());
+            let origin = asked.origin(receiver);
             // A linear map keeps the ray parameter, so that the reach stays in the mesh's units.
-            let ray = |direction: &Vec3| Ray {
-                origin,
-                direction: field_from_mesh.transform_vector3(*direction),
-                t_max: self.t_max,
-            };
+            let ray = |direction: &Vec3| Ray { origin, direction: asked.direction(*direction), t_max: self.t_max };
             let rays: Vec<Ray> = directions.iter().map(ray).collect();
-            let normal = field_normal(&field_from_mesh, receiver.normal);
+            let normal = asked.normal(receiver);
             let mut occluded = vec![false; rays.len()];
             field.occluded_batch(&rays, &QueryOptions { normal, ..QueryOptions::default() }, &mut occluded);
             occluded.into_iter().filter(|&hit| hit).count()

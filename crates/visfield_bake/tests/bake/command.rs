@@ -118,7 +118,9 @@ fn a_measurement_tells_all_and_becomes_a_page() {
     let page = fs::read_to_string(folder.join("page.html")).unwrap();
     assert!(page.contains("shape.obj") && page.contains("data:image/png;base64,"));
     let message = error(folder, &["measure", "ao", "--mesh", "shape.obj", "--json", "no/such/folder.json"]);
-    assert!(message.contains("no/such/folder.json") && message.contains("--json"), "{message}");
+    assert!(message.contains("no/such/folder.json") && message.contains("folder does not exist"), "{message}");
+    assert!(error(folder, &["measure", "ao", "--mesh", "shape.obj", "--json", "shape.obj"]).contains("overwritten"));
+    assert!(error(folder, &["report", "ao.json", "-o", "ao.json"]).contains("overwritten"));
 }
 
 #[test]

@@ -113,6 +113,11 @@ fn a_report_has_every_kind_and_escapes_names() {
     for heading in ["Compared", "Ambient occlusion", "Soft shadow", "Figure 5", "Figure 8", "What accuracy costs"] {
         assert!(page.contains(heading), "{heading}");
     }
+    let compared = page.split("<h2>").find(|section| section.starts_with("Compared")).unwrap();
+    let scene = MeasureScene::OwnSurface;
+    for part in ["ambient", "shadow, 0.0500 rad", &scene.to_string(), "8\u{b2}, u8, sphere", "<td>point</td>"] {
+        assert!(compared.contains(part), "rows cannot be told apart: {part}\n{compared}");
+    }
     assert!(!page.contains("<script") && !page.contains("<b>.json"), "names are escaped");
     assert!(page.contains("&lt;script&gt;alert(&quot;1&quot;)"));
     // Ambient: 3. Figure 5: 3 + 2 + 2 + 2. Figure 7: 3.
@@ -212,6 +217,50 @@ fn the_papers_experiments_run_on_any_mesh() {
     }
 }
 
+#[test]
+fn reasons_fit_what_was_measured() {
+    let mut paper = PAPER.clone();
+    let last = paper.figure6.len() - 1;
+    // The tables of `--quick`.
+    (paper.figure6[0].positions, paper.figure6[0].directions) = (290, 32);
+    (paper.figure6[last].positions, paper.figure6[last].directions) = (4226, 64);
+    let mut growth = |bake: f64, asked: f64| {
+        let first = paper.figure6[0].hemisphere.clone();
+        let last = &mut paper.figure6[last].hemisphere;
+        (last.bake_seconds, last.ao_seconds) = (first.bake_seconds * bake, first.ao_seconds * asked);
+        let findings = paper.figure6_findings();
+        assert!(findings[0].text.contains("paper: 52\u{d7}") && findings[1].text.contains("paper: 1.18\u{d7}"));
+        [0, 1].map(|index| (findings[index].agrees, findings[index].text.clone()))
+    };
+    let [bakes, queries] = growth(58.0, 1.0);
+    assert!(bakes.0 && queries.0 && !(bakes.1 + &queries.1).contains("reason"));
+    let [bakes, queries] = growth(2.0, 0.1);
+    assert!(!bakes.0 && bakes.1.contains("preparing the triangles"), "{}", bakes.1);
+    assert!(!queries.0 && !queries.1.contains("cache"), "{}", queries.1);
+    let [bakes, queries] = growth(500.0, 9.0);
+    assert!(!bakes.0 && !bakes.1.contains("preparing the triangles"), "{}", bakes.1);
+    assert!(!queries.0 && queries.1.contains("cache"), "{}", queries.1);
+}
+
+#[test]
+fn no_rays_count_as_one() {
+    let maps = (50, 8);
+    let question = Paper2008Question {
+        sampling: maps,
+        positions: vec![50],
+        directions: vec![8],
+        bits: maps,
+        models: maps,
+        rays: 0,
+        own_side: 1,
+    };
+    let others = [tetrahedron("second"), tetrahedron("third")];
+    let paper = paper2008(&tetrahedron("first"), &others, &question, |_, _| ()).unwrap();
+    let several = paper.several.as_ref().unwrap();
+    assert_eq!((paper.rays, several.rays), (3267, several.receivers as u64));
+    assert!(!paper.table().contains("NaN"), "{}", paper.table());
+}
+
 fn pixels(png: &str) -> image::GrayImage {
     image::load_from_memory(&BASE64_STANDARD.decode(png).unwrap()).unwrap().into_luma8()
 }
@@ -244,4 +293,33 @@ fn pictures_show_each_receiver_in_its_place() {
     let at = |picture: &image::GrayImage, (x, y): (u32, u32)| picture.get_pixel(x, y).0[0];
     assert!(at(&along_x, left) > at(&along_x, right));
     assert!(at(&along_z, left) < at(&along_z, right));
+}
+
+#[test]
+fn neither_units_nor_place_change_what_is_measured() {
+    let corners = [[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0]];
+    let measured = |scene, scale: f32, shift: f32| {
+        let mesh = Mesh {
+            name: "tetrahedron".to_owned(),
+            positions: corners.map(|corner: [f32; 3]| corner.map(|x| (x + shift) * scale)).to_vec(),
+            indices: vec![[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]],
+        };
+        let bake = BakeSettings::two_point(17, 16);
+        let ask = AmbientQuestion { bake, scene, rays: 64, speed: false, ..AmbientQuestion::default() };
+        measure_ambient(&mesh, &ask).unwrap()
+    };
+    for scene in [MeasureScene::Corner, MeasureScene::OwnSurface] {
+        let here = measured(scene, 1.0, 0.0);
+        for (scale, shift) in [(1e-15, 0.0), (1e15, 0.0), (1.0, 4096.0), (1e-6, -4096.0)] {
+            let there = measured(scene, scale, shift);
+            let apart = (there.rms_255 - here.rms_255).abs();
+            assert!(
+                apart < 0.1 + 0.05 * here.rms_255,
+                "{scene}, {scale}, {shift}: {} and {}",
+                there.rms_255,
+                here.rms_255
+            );
+            assert!((there.occluded_fraction - here.occluded_fraction).abs() < 1e-3, "{scene}, {scale}, {shift}");
+        }
+    }
 }

@@ -47,7 +47,7 @@ pub struct Paper2008Question {
     pub bits: Maps,
     /// The maps of Figure 8, which compares models.
     pub models: Maps,
-    /// Rays per receiver.
+    /// Rays per receiver, at least 1; 0 counts as 1.
     pub rays: u32,
     /// Each of several objects has up to three times the square of this of receivers, at the centres of its triangles.
     pub own_side: usize,
@@ -97,7 +97,7 @@ pub struct Paper2008 {
 
 /// One table and what it gave.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Measured {
+pub struct FieldResult {
     /// The numbers of the representation, as 65² × 32².
     pub size: String,
     /// Size of the table in memory.
@@ -119,7 +119,7 @@ pub struct DirectionSampling {
     /// The layout.
     pub map: DirectionMap,
     /// What it gave.
-    pub measured: Measured,
+    pub measured: FieldResult,
     /// How it looks.
     pub pictures: Pictures,
 }
@@ -132,9 +132,9 @@ pub struct TableSize {
     /// Side of each map.
     pub directions: u32,
     /// The paper's representation.
-    pub hemisphere: Measured,
+    pub hemisphere: FieldResult,
     /// A two-point table of about the same size, by aimed lookups.
-    pub two_point: Measured,
+    pub two_point: FieldResult,
 }
 
 /// Figure 7: bits beside bytes.
@@ -145,9 +145,9 @@ pub struct OneBit {
     /// Side of each map.
     pub directions: u32,
     /// One bit for each direction.
-    pub bit: Measured,
+    pub bit: FieldResult,
     /// One byte.
-    pub byte: Measured,
+    pub byte: FieldResult,
     /// Receivers of the corner that lie in the bounding sphere, where distances matter.
     pub receivers_inside: usize,
     /// Receivers for which bits and bytes differ.
@@ -168,9 +168,9 @@ pub struct Model {
     /// Seconds for them through the triangles.
     pub exact_seconds: f64,
     /// The paper's representation.
-    pub hemisphere: Measured,
+    pub hemisphere: FieldResult,
     /// A two-point table of about the same size, by aimed lookups.
-    pub two_point: Measured,
+    pub two_point: FieldResult,
 }
 
 /// Repeats the paper's experiments on `mesh`; Figure 8 has `others` too, and if there are two of them, all three cast on
@@ -184,6 +184,7 @@ pub fn paper2008(
     question: &Paper2008Question,
     progress: impl Fn(f64, &str) + Sync,
 ) -> Result<Paper2008, BakeError> {
+    let question = &Paper2008Question { rays: question.rays.max(1), ..question.clone() };
     let progress = Progress::new(question.work(1 + others.len()), &progress);
     let mut bench = Bench::new(mesh, question.rays, &progress)?;
     let figure5 = figure5(&mut bench, question.sampling)?;
@@ -248,14 +249,14 @@ impl<'a> Bench<'a> {
     }
 
     /// Bakes a table and asks it; the occlusion of each receiver comes too.
-    fn measure(&mut self, settings: &BakeSettings, aim: Aim) -> Result<(Measured, Vec<f32>), BakeError> {
+    fn measure(&mut self, settings: &BakeSettings, aim: Aim) -> Result<(FieldResult, Vec<f32>), BakeError> {
         let start = Instant::now();
         let field = self.progress.bake(self.mesh, settings)?;
         let bake_seconds = start.elapsed().as_secs_f64();
         let set = self.set.get_or_insert_with(|| self.reference.ray_set(&field, QueryOptions::default()));
         set.receivers.iter_mut().for_each(|(_, options)| options.aim = aim);
         let found = Reference::found(set, &field);
-        let measured = Measured {
+        let measured = FieldResult {
             size: settings.representation.to_string(),
             field_bytes: field.header().table_bytes(),
             bake_seconds,
@@ -271,7 +272,7 @@ impl<'a> Bench<'a> {
     }
 
     /// Both representations of one size.
-    fn both(&mut self, maps: Maps) -> Result<(Measured, Measured), BakeError> {
+    fn both(&mut self, maps: Maps) -> Result<(FieldResult, FieldResult), BakeError> {
         let (hemisphere, _) = self.measure(&hemisphere(maps, DirectionMap::Concentric, Encoding::U8), Aim::Plain)?;
         let (two_point, _) = self.measure(&two_point(maps), Aim::Point)?;
         Ok((hemisphere, two_point))

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::published::{FIGURE7_RMS_255, FIGURE8, figure6};
-use super::{Finding, Measured, Paper2008};
+use super::{FieldResult, Finding, Paper2008};
 use crate::measure::table::{Cells, bytes, count, seconds};
 
 impl Paper2008 {
@@ -90,7 +90,7 @@ impl Paper2008 {
         let mut table =
             Cells::new(&["stored", "maps", "bytes", "RMS \u{d7} 255", "of the picture", "paper's", "bias", "AO s"]);
         let byte_rms = figure6(self.figure7.positions, self.figure7.directions).map(|cell| cell.rms_255);
-        let mut add = |name: &str, paper: Option<f64>, measured: &Measured| {
+        let mut add = |name: &str, paper: Option<f64>, measured: &FieldResult| {
             table.row([
                 name.to_owned(),
                 measured.size.clone(),
