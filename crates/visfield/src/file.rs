@@ -218,7 +218,7 @@ pub fn write(path: &Path, fields: &[VisibilityField]) -> Result<(), FileError> {
     write_bytes(path, &encode(fields))
 }
 
-/// Writes any file as [`write`] writes fields: whole or not at all, through links, and to nothing but a file.
+/// Writes any file as [`write()`] writes fields: whole or not at all, through links, and to nothing but a file.
 ///
 /// ```
 /// # let folder = tempfile::tempdir()?;
@@ -229,7 +229,7 @@ pub fn write(path: &Path, fields: &[VisibilityField]) -> Result<(), FileError> {
 /// ```
 ///
 /// # Errors
-/// As for [`write`].
+/// As for [`write()`].
 pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     let io_error = |source| FileError::Io { path: path.to_owned(), source };
     // What is replaced is the file itself, not a link to it.
