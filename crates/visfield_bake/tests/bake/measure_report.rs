@@ -102,7 +102,7 @@ fn a_document_reads_as_it_was_written() {
     assert_eq!(names, ["measured.json"], "nothing else is left behind");
     let nowhere = folder.path().join("no/such/folder.json");
     let error = DOCUMENTS[0].write(&nowhere).unwrap_err();
-    assert!(matches!(&error, DocumentError::Io { path, .. } if *path == nowhere), "{error}");
+    assert!(matches!(&error, DocumentError::Write(_)) && error.to_string().contains("folder.json"), "{error}");
 }
 
 #[test]
