@@ -71,7 +71,6 @@ pub enum TuneReceivers {
 /// // Ambient occlusion on the ground and on other objects, in at most 300 kB.
 /// let question = TuneQuestion {
 ///     max_bytes: Some(300_000),
-///     shadows: false,
 ///     receivers: TuneReceivers::Others,
 ///     ..TuneQuestion::default()
 /// };
@@ -100,7 +99,7 @@ impl Default for TuneQuestion {
             max_rms: None,
             max_bytes: None,
             ambient: true,
-            shadows: true,
+            shadows: false,
             receivers: TuneReceivers::All,
             max_distance: f32::INFINITY,
         }
