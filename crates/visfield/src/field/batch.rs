@@ -17,7 +17,7 @@ use pulp::{Arch, NullaryFnOnce};
 use super::VisibilityField;
 use super::chord::line_chord;
 use super::encoding::{Codes, Encoding, NO_HIT_CODE, decode_u8};
-use super::lookup::{Aim, ChordGrid, Grid, Lookup, aimed_lookup, plain_lookup};
+use super::lookup::{Aim, ChordGrid, Grid, Lookup, lookup};
 use super::query::{QueryOptions, Ray, Resolution, finite, is_ordinary, not_behind, rises_above};
 
 /// Rays of a block: a few vectors of the widest kind, so that their reads from the table overlap.
@@ -84,27 +84,16 @@ impl VisibilityField {
         answer: impl Fn(f32, &Ray) -> A,
         single: impl Fn(&Ray) -> A,
     ) {
-        match (self.grid(), options.aim) {
-            (Grid::TwoPoint(grid), Aim::Point) => Arch::new().dispatch(Batch::<_, _, _, _, true, NEAREST> {
-                field: self,
-                grid,
-                rays,
-                options,
-                answers,
-                answer,
-                single,
-            }),
-            (Grid::TwoPoint(grid), Aim::Plain) => Arch::new().dispatch(Batch::<_, _, _, _, false, NEAREST> {
-                field: self,
-                grid,
-                rays,
-                options,
-                answers,
-                answer,
-                single,
-            }),
+        match self.grid() {
+            Grid::TwoPoint(grid) => {
+                let batch = Batch::<_, _, _, _, NEAREST> { field: self, grid, rays, options, answers, answer, single };
+                match options.aim {
+                    Aim::Point => Arch::new().dispatch(Snapped::<_, true>(batch)),
+                    Aim::Plain => Arch::new().dispatch(Snapped::<_, false>(batch)),
+                }
+            }
             // The papers' grid needs trigonometry, which vectors do not have.
-            (Grid::Hemisphere(_), _) => {
+            Grid::Hemisphere(_) => {
                 for (out, ray) in answers.iter_mut().zip(rays) {
                     *out = single(ray);
                 }
@@ -113,8 +102,8 @@ impl VisibilityField {
     }
 }
 
-/// A batch's work, to be compiled for each kind of processor.
-struct Batch<'a, G, A, F, S, const AIMED: bool, const NEAREST: bool> {
+/// A batch's work.
+struct Batch<'a, G, A, F, S, const NEAREST: bool> {
     field: &'a VisibilityField,
     grid: G,
     rays: &'a [Ray],
@@ -124,14 +113,17 @@ struct Batch<'a, G, A, F, S, const AIMED: bool, const NEAREST: bool> {
     single: S,
 }
 
+/// A batch whose rays are snapped in one way, to be compiled for each kind of processor.
+struct Snapped<B, const AIMED: bool>(B);
+
 impl<G: ChordGrid, A, F: Fn(f32, &Ray) -> A, S: Fn(&Ray) -> A, const AIMED: bool, const NEAREST: bool> NullaryFnOnce
-    for Batch<'_, G, A, F, S, AIMED, NEAREST>
+    for Snapped<Batch<'_, G, A, F, S, NEAREST>, AIMED>
 {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let Self { field, grid, rays, options, answers, answer, single } = self;
+        let Batch { field, grid, rays, options, answers, answer, single } = self.0;
         let (codes, resolution) = (field.codes(), field.resolution());
         for (rays, answers) in rays.chunks(LANES).zip(answers.chunks_mut(LANES)) {
             // Of a length that the compiler knows, wherever possible.
@@ -274,7 +266,7 @@ impl Chords {
         let half = if inside { -half } else { half };
         let (start, end) = (middle - half, middle + half);
         let aim = if inside { block.origin.get(lane) } else { middle };
-        let found = if AIMED { aimed_lookup(grid, start, end, aim) } else { plain_lookup(grid, start, end, aim) };
+        let found = lookup(grid, start, end, aim, if AIMED { Aim::Point } else { Aim::Plain });
         // Rays that miss must not fetch memory either.
         Lookup { index: if self.meets[lane] { found.index } else { 0 }, ..found }
     }

@@ -1,7 +1,5 @@
 //! Exact answers for the receivers of a scene, with which many fields are compared.
 
-use std::time::Instant;
-
 use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -10,13 +8,10 @@ use visfield::{QueryOptions, VisibilityField};
 
 use super::ambient::{Errors, shares};
 use super::scene::{MeasureScene, hemisphere_directions};
-use super::speed::{RaySet, median};
+use super::speed::{RaySet, median_seconds};
 use crate::exact::ExactScene;
 use crate::mesh::{Mesh, MeshError};
 use crate::triangles::TriangleBvh;
-
-/// How often a field is timed; the median counts.
-const REPEATS: usize = 5;
 
 /// What is wrong with the ambient occlusion that a field gives, against the same rays through triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -109,13 +104,4 @@ impl Reference {
     pub(super) fn exact_seconds(&self, set: &RaySet) -> f64 {
         median_seconds(|| set.exact_answers(self.triangles()))
     }
-}
-
-fn median_seconds(mut work: impl FnMut() -> Vec<bool>) -> f64 {
-    let mut seconds = || {
-        let start = Instant::now();
-        std::hint::black_box(work());
-        start.elapsed().as_secs_f64()
-    };
-    median((0..REPEATS).map(|_| seconds()).collect())
 }

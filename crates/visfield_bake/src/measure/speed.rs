@@ -151,7 +151,12 @@ pub(super) fn gather_limit(field: &VisibilityField) -> f64 {
         })
         .collect();
     let gather = || positions.iter().fold(0_u32, |sum, &at| sum.wrapping_add(bytes[at as usize].into()));
-    positions.len() as f64 / median((0..REPEATS).map(|_| seconds(gather)).collect())
+    positions.len() as f64 / median_seconds(gather)
+}
+
+/// Median [`seconds`] of some work by itself.
+pub(super) fn median_seconds<T>(mut work: impl FnMut() -> T) -> f64 {
+    median((0..REPEATS).map(|_| seconds(&mut work)).collect())
 }
 
 /// Seconds that some work takes, on average of as many runs as fill a while: what runs for a millisecond would otherwise
@@ -168,7 +173,7 @@ fn seconds<T>(mut work: impl FnMut() -> T) -> f64 {
     unreachable!("time passes")
 }
 
-pub(super) fn median(mut values: Vec<f64>) -> f64 {
+fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
 }
