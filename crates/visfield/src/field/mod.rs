@@ -7,10 +7,12 @@
 //! was found to get wrong.
 
 pub mod batch;
+pub mod cap_grid;
 pub mod chord;
 pub mod directions;
 pub mod encoding;
 pub mod hemisphere;
+pub(crate) mod lanes;
 pub mod lookup;
 pub mod measured;
 pub mod octahedral;
@@ -229,6 +231,15 @@ pub enum FieldError {
         /// The side asked for.
         side: u32,
     },
+    /// A cap grid has too few or too many points.
+    #[error("a cap grid of {points} points along each axis is outside {} to {}", cap_grid::MIN_POINTS, cap_grid::MAX_POINTS)]
+    CapPoints {
+        /// The number asked for.
+        points: u32,
+    },
+    /// A cap grid's header has a number that is not finite or out of range, or too few of them.
+    #[error("the cap grid's box, falloff or value ranges are not finite, or out of range")]
+    CapGrid,
     /// Something that was measured is not finite.
     #[error("what was measured of the field has a number that is not finite")]
     Measured,

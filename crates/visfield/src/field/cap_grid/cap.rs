@@ -1,0 +1,165 @@
+//! What one object hides, as seen from one point: a few spherical harmonics, and the spherical cap that they imply.
+
+use glam::{Vec3, Vec4};
+
+/// The harmonic of band 0: 1/√4π.
+pub const Y0: f32 = 0.282_094_8;
+/// The factor of the harmonics of band 1, whose values are this times x, y and z: √(3/4π).
+pub const Y1: f32 = 0.488_602_5;
+/// Solid angle in steradians below which nothing is there.
+const SMALLEST_SOLID_ANGLE: f32 = 1.0e-6;
+/// Occlusion up to which an object does not count; from there to twice as much it fades in, so that nothing pops.
+pub const CUTOFF: f32 = 1.0 / 255.0;
+/// Height above a surface, in bounding radii, up to which the contact term reaches.
+pub const CONTACT_REACH: f32 = 0.06;
+
+/// A spherical cap of directions, evenly occluded.
+///
+/// ```
+/// use glam::{Vec3, Vec4, vec4};
+/// use visfield::field::cap_grid::cap::Cap;
+/// // An eighth of all directions, around +y.
+/// let eighth = Cap { axis: Vec3::Y, cosine: 0.75, opacity: 1.0 };
+/// let again = Cap::new(eighth.harmonics());
+/// assert!((again.cosine - 0.75).abs() < 1e-5 && (again.opacity - 1.0).abs() < 1e-5);
+/// assert_eq!(Cap::new(Vec4::ZERO).opacity, 0.0);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cap {
+    /// Unit vector to its middle.
+    pub axis: Vec3,
+    /// Cosine of its half-angle, −1 to 1.
+    pub cosine: f32,
+    /// Which share of it is occluded, 0 to 1.
+    pub opacity: f32,
+}
+
+impl Cap {
+    /// The cap that has the given harmonics of bands 0 and 1: (O₀₀, O₁ along x, y, z). Where they are of no cap, the one of
+    /// the same solid angle.
+    #[inline(always)]
+    pub fn new(harmonics: Vec4) -> Self {
+        let (o0, o1) = (harmonics.x, Vec3::new(harmonics.y, harmonics.z, harmonics.w));
+        let length = o1.dot(o1).sqrt();
+        let solid_angle = o0 * (1.0 / Y0);
+        let full_turn = std::f32::consts::TAU;
+        let present = solid_angle > SMALLEST_SOLID_ANGLE;
+        let solid_angle = if present { solid_angle.min(2.0 * full_turn) } else { SMALLEST_SOLID_ANGLE };
+        // The mean of the cosine to the axis over a cap of half-angle α is (1 + cos α)/2.
+        let mean_cosine = (length * (1.0 / Y1) / solid_angle).min(1.0);
+        let cosine = 2.0 * mean_cosine - 1.0;
+        let area = full_turn * (1.0 - cosine);
+        let fits = area > solid_angle;
+        Self {
+            axis: if length > 0.0 { o1 / length } else { Vec3::ZERO },
+            cosine: if fits { cosine } else { 1.0 - solid_angle / full_turn },
+            opacity: if present { if fits { solid_angle / area } else { 1.0 } } else { 0.0 },
+        }
+    }
+
+    /// The harmonics of bands 0 and 1 that it has.
+    pub fn harmonics(&self) -> Vec4 {
+        let solid_angle = self.opacity * std::f32::consts::TAU * (1.0 - self.cosine);
+        let o1 = self.axis * (Y1 * solid_angle * 0.5 * (1.0 + self.cosine));
+        Vec4::new(Y0 * solid_angle, o1.x, o1.y, o1.z)
+    }
+
+    /// How far it occludes a soft direction: from 0 well outside to its opacity well inside. `softness` is the cosine of the
+    /// angle over which the direction is spread.
+    #[inline(always)]
+    pub fn soft_occlusion(&self, direction: Vec3, softness: f32) -> f32 {
+        let (cosine, sine) = (self.cosine, (1.0 - self.cosine * self.cosine).max(0.0).sqrt());
+        let soft_sine = (1.0 - softness * softness).sqrt();
+        // cos(α ± γ), or the end of the range where the angle leaves it.
+        let outer = if cosine < -softness { -1.0 } else { cosine * softness - sine * soft_sine };
+        let inner = if cosine > softness { 1.0 } else { cosine * softness + sine * soft_sine };
+        let t = ((self.axis.dot(direction) - outer) / (inner - outer)).clamp(0.0, 1.0);
+        self.opacity * t * t * (3.0 - 2.0 * t)
+    }
+}
+
+/// The cosine-weighted share of the hemisphere around `normal` that an object with these harmonics hides, in [0, 1]: their
+/// convolution with the clamped cosine (1, 2/3, 1/4 for the bands 0, 1, 2), where band 2 is that of the [`Cap`].
+#[inline(always)]
+pub fn cap_occlusion(harmonics: Vec4, cap: &Cap, normal: Vec3) -> f32 {
+    let o1 = Vec3::new(harmonics.y, harmonics.z, harmonics.w);
+    let facing = cap.axis.dot(normal);
+    let sine_squared = 1.0 - cap.cosine * cap.cosine;
+    // π sin²α cos α · 5/4π · P₂(x) · 1/4
+    let second = cap.opacity * sine_squared * cap.cosine * (3.0 * facing * facing - 1.0) * (5.0 / 32.0);
+    let occlusion = Y0 * harmonics.x + (2.0 / 3.0 * Y1) * o1.dot(normal) + second;
+    // NaN becomes 0 too.
+    if occlusion > 0.0 { occlusion.min(1.0) } else { 0.0 }
+}
+
+/// An object's occlusion, faded out around the [`CUTOFF`].
+#[inline(always)]
+pub fn above_cutoff(occlusion: f32) -> f32 {
+    occlusion * (occlusion * (1.0 / CUTOFF) - 1.0).clamp(0.0, 1.0)
+}
+
+/// Occlusion by the very surface that a receiver all but touches, which no grid of this size resolves: from `distance` to the
+/// nearest surface, in `radius`es of the bounding sphere, and the cosine between the receiver's normal and the direction
+/// away from that surface. The larger of this and the grid's occlusion counts. Needs a distance field.
+#[inline(always)]
+pub fn contact_occlusion(distance: f32, radius: f32, facing: f32) -> f32 {
+    (1.0 - distance / (CONTACT_REACH * radius)).clamp(0.0, 1.0) * (1.0 - facing) * 0.5
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ball_overhead_hides_its_share() {
+        // A ball of angular radius α, wholly above the horizon at zenith angle θ, hides sin²α cos θ.
+        for alpha in [0.05_f32, 0.3, 0.6] {
+            for theta in [0.0_f32, 0.4, 0.9] {
+                let axis = Vec3::new(theta.sin(), theta.cos(), 0.0);
+                let ball = Cap { axis, cosine: alpha.cos(), opacity: 1.0 };
+                let harmonics = ball.harmonics();
+                let occlusion = cap_occlusion(harmonics, &Cap::new(harmonics), Vec3::Y);
+                let exact = alpha.sin().powi(2) * theta.cos();
+                // Bands above 2 are missing.
+                assert!((occlusion - exact).abs() < 0.04, "α {alpha}, θ {theta}: {occlusion}, exactly {exact}");
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_and_everything() {
+        let occlusion = |harmonics| cap_occlusion(harmonics, &Cap::new(harmonics), Vec3::Y);
+        assert_eq!(occlusion(Vec4::ZERO), 0.0);
+        let all = 4.0 * std::f32::consts::PI * Y0;
+        assert!((occlusion(Vec4::new(all, 0.0, 0.0, 0.0)) - 1.0).abs() < 1e-5);
+        for strange in [Vec4::splat(f32::NAN), Vec4::splat(f32::MAX), Vec4::splat(-1.0), Vec4::new(0.0, 1.0, 2.0, 3.0)] {
+            let occlusion = occlusion(strange);
+            assert!((0.0..=1.0).contains(&occlusion), "{strange}: {occlusion}");
+        }
+    }
+
+    #[test]
+    fn soft_caps_end_where_they_should() {
+        for cosine in [-1.0, -0.95, -0.5, 0.0, 0.5, 0.95, 1.0] {
+            let cap = Cap { axis: Vec3::Z, cosine, opacity: 0.5 };
+            let softness = 0.9;
+            let along = |x: f32| cap.soft_occlusion(Vec3::new((1.0 - x * x).sqrt(), 0.0, x), softness);
+            assert_eq!(along(1.0), 0.5, "the middle of the cap {cosine}");
+            assert_eq!(along(-1.0), 0.0, "opposite to the cap {cosine}");
+            let mut previous = 0.0;
+            for i in -50..=50 {
+                let here = along(i as f32 / 50.0);
+                assert!(here >= previous, "monotonic");
+                previous = here;
+            }
+        }
+    }
+
+    #[test]
+    fn contacts_are_near_and_faced() {
+        assert_eq!(contact_occlusion(0.0, 1.0, -1.0), 1.0);
+        assert_eq!(contact_occlusion(0.0, 1.0, 1.0), 0.0);
+        assert_eq!(contact_occlusion(CONTACT_REACH, 1.0, -1.0), 0.0);
+        assert!((contact_occlusion(CONTACT_REACH, 2.0, 0.0) - 0.25).abs() < 1e-6);
+    }
+}
