@@ -116,7 +116,7 @@ fn ball_field() -> visfield::VisibilityField {
     let closed_form = visfield::field::ball_field(inner, 65, 32);
     let mut header = closed_form.header().clone();
     header.bounds = visfield::BoundingEllipsoid::sphere([0.0; 3], 1.0 / inner);
-    visfield::VisibilityField::new(header, closed_form.table().to_vec()).expect("only the scale changed")
+    visfield::VisibilityField::new(header, closed_form.parts().clone()).expect("only the scale changed")
 }
 
 fn brightness(picture: &RgbaImage, (x, y): (u32, u32)) -> i32 {

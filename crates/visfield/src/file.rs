@@ -6,8 +6,8 @@
 //! | 4 | format version, `u32` little-endian, [`VERSION`] |
 //! | 4 | length of the index, `u32` little-endian, at most [`MAX_INDEX_BYTES`] |
 //! | 4 | CRC-32 of everything after this number |
-//! | … | the index: JSON, for each field its [`FieldHeader`] and the length of its compressed table |
-//! | … | the tables, one zlib stream each, in the index's order |
+//! | … | the index: JSON, for each field its [`FieldHeader`] and for each of its parts what it is and how long its stream |
+//! | … | the parts, one zlib stream each: field by field in the index's order, within a field in a fixed order |
 //!
 //! Files are untrusted: every length is checked against the bytes that are there before anything is allocated for it.
 
@@ -20,16 +20,16 @@ use flate2::{Compression, read::ZlibDecoder, write::ZlibEncoder};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::field::{FieldError, FieldHeader, VisibilityField};
+use crate::field::{ChordTable, FieldError, FieldHeader, FieldParts, TableFormat, VisibilityField};
 
 /// The first bytes of every `.vfield` file. The leading non-ASCII byte and the line break expose text-mode transfers.
 pub const MAGIC: [u8; 8] = *b"\x89VFIELD\n";
 /// The format version that this build reads and writes.
-pub const VERSION: u32 = 2;
+pub const VERSION: u32 = 3;
 /// Largest index that is accepted, in bytes: room for thousands of fields.
 pub const MAX_INDEX_BYTES: u32 = 1 << 20;
 
-/// Deflate cannot expand more than this (RFC 1951: a 258-byte match takes at least two bits), so a table that claims more
+/// Deflate cannot expand more than this (RFC 1951: a 258-byte match takes at least two bits), so a part that claims more
 /// than this times its compressed size is a lie.
 const MAX_EXPANSION: u64 = 1032;
 const PREAMBLE_BYTES: usize = 20;
@@ -58,7 +58,7 @@ pub enum DecodeError {
         found: u64,
     },
     /// The file is longer than its index says.
-    #[error("{extra} unexpected bytes follow the last table; copy or bake the file again")]
+    #[error("{extra} unexpected bytes follow the last field; copy or bake the file again")]
     TrailingBytes {
         /// Bytes left over.
         extra: u64,
@@ -75,7 +75,7 @@ pub enum DecodeError {
     /// The index is not valid.
     #[error("the index cannot be read: {0}; copy or bake the file again")]
     Index(#[from] serde_json::Error),
-    /// A field's header is out of range, or its table has another length.
+    /// A number of a field is out of range, or it has no part.
     #[error("field {name:?}: {source}")]
     Field {
         /// The field's name.
@@ -89,12 +89,14 @@ pub enum DecodeError {
         /// The name.
         name: String,
     },
-    /// A table does not decompress to the length that its header says, or that length cannot be allocated.
-    #[error("the table of field {name:?} does not decompress to its {expected} bytes; bake the mesh again")]
-    Table {
+    /// A part of a field does not decompress to the length that the index says, or that length cannot be allocated.
+    #[error("the {part} of field {name:?} does not decompress to its {expected} bytes; bake the mesh again")]
+    Part {
         /// The field's name.
         name: String,
-        /// Bytes that its header asks for.
+        /// Which part of it.
+        part: &'static str,
+        /// Bytes that the index asks for.
         expected: u64,
     },
 }
@@ -127,11 +129,33 @@ pub enum FileError {
     },
 }
 
+/// A field in the index: its header and its parts, in the order of their streams.
 #[derive(Serialize, Deserialize)]
 struct IndexEntry {
     #[serde(flatten)]
     header: FieldHeader,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    table: Option<PartEntry<TableFormat>>,
+}
+
+/// A part in the index: what it is, and the length of its stream.
+#[derive(Serialize, Deserialize)]
+struct PartEntry<F> {
+    #[serde(flatten)]
+    format: F,
     compressed_bytes: u64,
+}
+
+/// The streams of a field's parts.
+struct FieldStreams<'a> {
+    table: Option<&'a [u8]>,
+}
+
+impl IndexEntry {
+    fn take_streams<'a>(&self, rest: &mut &'a [u8]) -> Result<FieldStreams<'a>, DecodeError> {
+        let table = self.table.as_ref().map(|part| take(rest, part.compressed_bytes, "a table")).transpose()?;
+        Ok(FieldStreams { table })
+    }
 }
 
 /// Encodes fields as one file.
@@ -145,18 +169,24 @@ struct IndexEntry {
 /// # Panics
 /// Never: writing to memory cannot fail, and headers always serialise.
 pub fn encode(fields: &[VisibilityField]) -> Vec<u8> {
-    let tables: Vec<Vec<u8>> = fields.iter().map(|field| compress(field.table())).collect();
+    let mut streams = Vec::new();
+    let mut store = |bytes: &[u8]| {
+        let stream = compress(bytes);
+        streams.extend_from_slice(&stream);
+        stream.len() as u64
+    };
     let index: Vec<IndexEntry> = fields
         .iter()
-        .zip(&tables)
-        .map(|(field, table)| IndexEntry { header: field.header().clone(), compressed_bytes: table.len() as u64 })
+        .map(|field| IndexEntry {
+            header: field.header().clone(),
+            table: field
+                .table()
+                .map(|table| PartEntry { format: table.format(), compressed_bytes: store(table.bytes()) }),
+        })
         .collect();
     let index = serde_json::to_vec(&index).expect("headers are plain data");
 
-    let mut content = index.clone();
-    for table in &tables {
-        content.extend_from_slice(table);
-    }
+    let content = [&index[..], &streams].concat();
     let mut file = Vec::with_capacity(PREAMBLE_BYTES + content.len());
     file.extend_from_slice(&MAGIC);
     file.extend_from_slice(&VERSION.to_le_bytes());
@@ -170,7 +200,7 @@ pub fn encode(fields: &[VisibilityField]) -> Vec<u8> {
 ///
 /// # Errors
 /// [`DecodeError`] for anything that is not such a file, whole and undamaged. Hostile bytes neither panic nor allocate more
-/// than their size justifies: an index up to [`MAX_INDEX_BYTES`], and per table what deflate can make of its bytes.
+/// than their size justifies: an index up to [`MAX_INDEX_BYTES`], and per part what deflate can make of its bytes.
 pub fn decode(bytes: &[u8]) -> Result<Vec<VisibilityField>, DecodeError> {
     let mut rest = bytes;
     if take(&mut rest, 8, "magic").map_err(|_| DecodeError::NotAField)? != MAGIC {
@@ -198,15 +228,14 @@ pub fn decode(bytes: &[u8]) -> Result<Vec<VisibilityField>, DecodeError> {
     if let Some(twice) = entries.iter().find(|entry| !names.insert(&entry.header.name)) {
         return Err(DecodeError::Duplicate { name: twice.header.name.clone() });
     }
-    let tables =
-        entries.iter().map(|entry| take(&mut rest, entry.compressed_bytes, "tables")).collect::<Result<Vec<_>, _>>()?;
+    let streams = entries.iter().map(|entry| entry.take_streams(&mut rest)).collect::<Result<Vec<_>, _>>()?;
     if !rest.is_empty() {
         return Err(DecodeError::TrailingBytes { extra: rest.len() as u64 });
     }
     if damaged {
         return Err(DecodeError::Checksum);
     }
-    entries.into_iter().zip(tables).map(|(entry, table)| decode_field(entry.header, table)).collect()
+    entries.into_iter().zip(streams).map(|(entry, streams)| decode_field(entry, &streams)).collect()
 }
 
 /// Writes fields to `path`, atomically: the file is complete or, on failure, as it was before. Symbolic links are followed,
@@ -266,29 +295,40 @@ pub fn read(path: &Path) -> Result<Vec<VisibilityField>, FileError> {
     decode(&bytes).map_err(|source| FileError::Decode { path: path.to_owned(), source })
 }
 
-fn decode_field(header: FieldHeader, compressed: &[u8]) -> Result<VisibilityField, DecodeError> {
-    let in_field = |source| DecodeError::Field { name: header.name.clone(), source };
-    header.validate().map_err(in_field)?;
-    let expected = header.table_bytes();
-    let wrong_table = || DecodeError::Table { name: header.name.clone(), expected };
-    if expected > compressed.len() as u64 * MAX_EXPANSION {
-        return Err(wrong_table());
+fn decode_field(entry: IndexEntry, streams: &FieldStreams) -> Result<VisibilityField, DecodeError> {
+    let name = entry.header.name.clone();
+    let in_field = |source| DecodeError::Field { name: name.clone(), source };
+    let decompressed = |stream, part, expected| {
+        decompress(stream, expected).ok_or_else(|| DecodeError::Part { name: name.clone(), part, expected })
+    };
+    // Before anything is decompressed for it.
+    entry.header.validate().map_err(in_field)?;
+    let mut parts = FieldParts::default();
+    if let (Some(PartEntry { format, .. }), Some(stream)) = (entry.table, streams.table) {
+        format.validate().map_err(in_field)?;
+        let bytes = decompressed(stream, "table", format.bytes())?;
+        parts.table = Some(ChordTable::new(format, bytes).map_err(in_field)?);
     }
-    let mut table = Vec::new();
-    table.try_reserve_exact(expected as usize).map_err(|_| wrong_table())?;
-    // One byte more than expected, so that a longer stream shows.
-    let mut stream = ZlibDecoder::new(compressed).take(expected + 1);
-    stream.read_to_end(&mut table).map_err(|_| wrong_table())?;
-    let read_to_its_end = stream.into_inner().total_in() == compressed.len() as u64;
-    if table.len() as u64 != expected || !read_to_its_end {
-        return Err(wrong_table());
-    }
-    VisibilityField::new(header.clone(), table).map_err(in_field)
+    VisibilityField::new(entry.header, parts).map_err(in_field)
 }
 
-fn compress(table: &[u8]) -> Vec<u8> {
+fn compress(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
-    encoder.write_all(table).and_then(|()| encoder.finish()).expect("writing to memory cannot fail")
+    encoder.write_all(bytes).and_then(|()| encoder.finish()).expect("writing to memory cannot fail")
+}
+
+/// What a stream holds, if that is as many bytes as `expected`, they can be allocated, and nothing follows them.
+fn decompress(stream: &[u8], expected: u64) -> Option<Vec<u8>> {
+    if expected > stream.len() as u64 * MAX_EXPANSION {
+        return None;
+    }
+    let mut bytes = Vec::new();
+    bytes.try_reserve_exact(usize::try_from(expected).ok()?).ok()?;
+    // One byte more than expected, so that a longer stream shows.
+    let mut decoder = ZlibDecoder::new(stream).take(expected + 1);
+    decoder.read_to_end(&mut bytes).ok()?;
+    let read_to_its_end = decoder.into_inner().total_in() == stream.len() as u64;
+    (bytes.len() as u64 == expected && read_to_its_end).then_some(bytes)
 }
 
 fn take<'a>(rest: &mut &'a [u8], count: u64, what: &'static str) -> Result<&'a [u8], DecodeError> {
@@ -318,7 +358,7 @@ mod tests {
     fn two_fields() -> [VisibilityField; 2] {
         let named = |name: &str, field: VisibilityField| {
             let header = FieldHeader { name: name.to_owned(), ..field.header().clone() };
-            VisibilityField::new(header, field.table().to_vec()).unwrap()
+            VisibilityField::new(header, field.parts().clone()).unwrap()
         };
         [named("Mesh0/Primitive0", ball_field(0.5, 9, 8)), named("Mesh1/Primitive0", ball_field(0.25, 5, 4))]
     }
@@ -409,30 +449,57 @@ mod tests {
 
         let entry = |entries: u32, exits: u32, radius: &str, compressed: usize| {
             format!(
-                r#"[{{"name":"x","bounds":{{"center":[0,0,0],"axes":[[{radius},0,0],[0,1,0],[0,0,1]]}},"representation":
-                {{"two-point":{{"entries":{entries},"exits":{exits}}}}},"encoding":"u8","triangles":1,
-                "compressed_bytes":{compressed}}}]"#
+                r#"[{{"name":"x","bounds":{{"center":[0,0,0],"axes":[[{radius},0,0],[0,1,0],[0,0,1]]}},"triangles":1,
+                "table":{{"representation":{{"two-point":{{"entries":{entries},"exits":{exits}}}}},"encoding":"u8",
+                "compressed_bytes":{compressed}}}}}]"#
             )
         };
         let zeros = compress(&[0; 16]);
         let decode_forged =
             |entries, exits, radius| decode(&forge(&entry(entries, exits, radius, zeros.len()), &zeros));
         assert!(decode_forged(2, 2, "1").is_ok(), "the forger's template itself is sound");
-        assert!(matches!(decode_forged(180, 180, "1"), Err(DecodeError::Table { .. })), "a gigabyte from 20 bytes");
-        assert!(matches!(decode_forged(2, 3, "1"), Err(DecodeError::Table { .. })));
-        assert!(matches!(decode_forged(1, 2, "1"), Err(DecodeError::Table { .. })));
+        assert!(
+            matches!(decode_forged(180, 180, "1"), Err(DecodeError::Part { part: "table", .. })),
+            "a gigabyte from 20 bytes"
+        );
+        assert!(matches!(decode_forged(2, 3, "1"), Err(DecodeError::Part { part: "table", .. })));
+        assert!(matches!(decode_forged(1, 2, "1"), Err(DecodeError::Part { part: "table", .. })));
         for (entries, exits, radius) in [(0, 2, "1"), (100_000, 2, "1"), (2, 2, "0"), (2, 2, "1e-30")] {
             assert!(matches!(decode_forged(entries, exits, radius), Err(DecodeError::Field { .. })));
         }
         let padded = [&zeros[..], &[0; 4]].concat();
         let longer_stream = decode(&forge(&entry(2, 2, "1", padded.len()), &padded));
-        assert!(matches!(longer_stream, Err(DecodeError::Table { .. })), "bytes after the stream");
+        assert!(matches!(longer_stream, Err(DecodeError::Part { part: "table", .. })), "bytes after the stream");
         let twice = encode(&[ball_field(0.5, 3, 3), ball_field(0.5, 3, 3)]);
         assert!(matches!(decode(&twice), Err(DecodeError::Duplicate { .. })));
         assert!(decode_forged(2, 2, "1e999").is_err(), "infinite radius");
         let past_end = entry(2, 2, "1", usize::MAX);
         assert!(matches!(decode(&forge(&past_end, &zeros)), Err(DecodeError::Truncated { .. })));
         assert!(matches!(decode(&forge("{", &[])), Err(DecodeError::Index(_))));
+    }
+
+    #[test]
+    fn a_field_without_parts_is_an_error() {
+        let ball = ball_field(0.5, 3, 3);
+        let entry = IndexEntry { header: ball.header().clone(), table: None };
+        let index = serde_json::to_string(&[entry]).unwrap();
+        assert!(!index.contains("table"), "{index}");
+        let empty = decode(&forge(&index, &[]));
+        assert!(matches!(empty, Err(DecodeError::Field { source: FieldError::Empty, .. })));
+        let with_stream = decode(&forge(&index, &compress(ball.table().unwrap().bytes())));
+        assert!(matches!(with_stream, Err(DecodeError::TrailingBytes { .. })));
+    }
+
+    #[test]
+    fn the_index_names_the_parts() {
+        let file = encode(&[ball_field(0.5, 3, 2)]);
+        let index_bytes = u32::from_le_bytes(file[12..16].try_into().unwrap()) as usize;
+        let index: serde_json::Value =
+            serde_json::from_slice(&file[PREAMBLE_BYTES..PREAMBLE_BYTES + index_bytes]).unwrap();
+        let table = &index[0]["table"];
+        assert_eq!(table["representation"], serde_json::json!({"two-point": {"entries": 3, "exits": 2}}));
+        assert_eq!(table["encoding"], "u8");
+        assert_eq!(table["compressed_bytes"], file.len() - PREAMBLE_BYTES - index_bytes);
     }
 
     #[test]

@@ -38,4 +38,7 @@ pub mod raycast;
 pub mod scene;
 
 pub use field::query::{QueryOptions, Ray};
-pub use field::{BoundingEllipsoid, Encoding, FieldError, FieldHeader, Representation, VisibilityField};
+pub use field::{
+    BoundingEllipsoid, ChordTable, Encoding, FieldError, FieldHeader, FieldParts, Representation, TableFormat,
+    VisibilityField,
+};

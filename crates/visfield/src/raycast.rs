@@ -75,10 +75,10 @@ impl PlacedInstance<'_> {
 }
 
 impl<'a> RayCaster<'a> {
-    /// Places the instances relative to `origin`, leaving out those whose transform is not invertible. Choose a point near
-    /// the rays: they are in single precision.
+    /// Places the instances relative to `origin`, leaving out those whose transform is not invertible and those whose field
+    /// [answers no rays](VisibilityField::answers_rays). Choose a point near the rays: they are in single precision.
     pub fn new(scene: &'a Scene, origin: DVec3) -> Self {
-        let placed = scene.place_indexed(origin);
+        let placed = scene.place_indexed(origin).filter(|(_, _, field)| field.answers_rays());
         let instances = placed.map(|(index, placement, field)| PlacedInstance { index, placement, field }).collect();
         Self { instances }
     }

@@ -1,4 +1,4 @@
-//! Traces every chord of a table.
+//! Traces what a field stores.
 
 use std::fmt;
 
@@ -6,8 +6,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 use thiserror::Error;
 use visfield::field::encoding::Block;
-use visfield::field::lookup::{ChordGrid, Grid};
-use visfield::{Encoding, FieldError, FieldHeader, Representation, VisibilityField};
+use visfield::{
+    ChordTable, Encoding, FieldError, FieldHeader, FieldParts, Representation, TableFormat, VisibilityField,
+};
 
 use crate::bounds::{BoundsKind, bounds_of};
 use crate::mesh::{Mesh, MeshError};
@@ -16,23 +17,21 @@ use crate::triangles::TriangleBvh;
 /// How a mesh is baked: what its field stores of it.
 ///
 /// ```
-/// use visfield::{Encoding, Representation};
+/// use visfield::{Encoding, Representation, TableFormat};
 /// use visfield_bake::{BakeSettings, BoundsKind};
+/// let representation = Representation::TwoPoint { entries: 33, exits: 64 };
 /// let settings = BakeSettings {
-///     representation: Representation::TwoPoint { entries: 33, exits: 64 },
-///     encoding: Encoding::Bit,
+///     table: Some(TableFormat { representation, encoding: Encoding::Bit }),
 ///     bounds: BoundsKind::Ellipsoid,
 /// };
 /// assert_eq!(settings.rays(), 33 * 33 * 64 * 64);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct BakeSettings {
-    /// Which chords are stored.
-    pub representation: Representation,
-    /// How each chord's answer is stored.
-    pub encoding: Encoding,
     /// What becomes the unit sphere of field space.
     pub bounds: BoundsKind,
+    /// The table that answers rays; without one the field answers none.
+    pub table: Option<TableFormat>,
 }
 
 impl Default for BakeSettings {
@@ -49,7 +48,10 @@ impl fmt::Display for BakeSettings {
             BoundsKind::Sphere => "sphere",
             BoundsKind::Ellipsoid => "ellipsoid",
         };
-        write!(f, "{} in {}, {bounds}", self.representation, self.encoding.name())
+        if let Some(table) = &self.table {
+            write!(f, "{table}, ")?;
+        }
+        f.write_str(bounds)
     }
 }
 
@@ -57,13 +59,32 @@ impl BakeSettings {
     /// A two-point table of bytes in a bounding sphere.
     pub const fn two_point(entries: u32, exits: u32) -> Self {
         let representation = Representation::TwoPoint { entries, exits };
-        Self { representation, encoding: Encoding::U8, bounds: BoundsKind::Sphere }
+        Self::of_table(TableFormat { representation, encoding: Encoding::U8 }, BoundsKind::Sphere)
+    }
+
+    /// A table and nothing else.
+    pub const fn of_table(table: TableFormat, bounds: BoundsKind) -> Self {
+        Self { bounds, table: Some(table) }
     }
 
     /// Number of rays that a bake traces, one per chord of the table; 0 if the settings are out of range.
     pub fn rays(&self) -> u64 {
-        let rays = |grid: Grid| u64::from(grid.starts()) * u64::from(grid.chords_per_start());
-        self.representation.grid().map_or(0, rays)
+        self.table.map_or(0, |table| table.chords())
+    }
+
+    /// Checks every number against its documented range, and that there is something to bake.
+    ///
+    /// ```
+    /// use visfield::FieldError;
+    /// use visfield_bake::BakeSettings;
+    /// assert_eq!(BakeSettings::default().validate(), Ok(()));
+    /// assert_eq!(BakeSettings { table: None, ..BakeSettings::default() }.validate(), Err(FieldError::Empty));
+    /// ```
+    ///
+    /// # Errors
+    /// [`FieldError`] names the first value that is out of range.
+    pub fn validate(&self) -> Result<(), FieldError> {
+        self.table.ok_or(FieldError::Empty)?.validate()
     }
 }
 
@@ -82,13 +103,19 @@ pub enum BakeError {
     /// A setting is out of range.
     #[error("these settings cannot be baked: {0}")]
     Settings(#[from] FieldError),
+    /// What is measured is the table, and the field has none.
+    #[error("{name}: there is no table to measure; bake the field with one")]
+    NoTable {
+        /// The field's name.
+        name: String,
+    },
 }
 
 /// Bakes a mesh. Uses all threads of rayon's pool; the result does not depend on their number.
 ///
-/// Each chord goes from the centre of an entry cell to the centre of an exit cell; what is stored is the first hit as a
-/// fraction of it. `progress` is called now and then, from any thread, with the number of rays traced since the last call;
-/// the sum is [`BakeSettings::rays`].
+/// Each chord of the table goes from the centre of an entry cell to the centre of an exit cell; what is stored is the first
+/// hit as a fraction of it. `progress` is called now and then, from any thread, with the number of rays traced since the last
+/// call; the sum is [`BakeSettings::rays`].
 ///
 /// ```
 /// use visfield_bake::{BakeError, BakeSettings, Mesh, MeshError, bake};
@@ -102,13 +129,11 @@ pub enum BakeError {
 pub fn bake(mesh: &Mesh, settings: &BakeSettings, progress: impl Fn(u64) + Sync) -> Result<VisibilityField, BakeError> {
     let mesh_error = |source| BakeError::Mesh { name: mesh.name.clone(), source };
     // Before anything that takes time.
-    settings.representation.grid()?;
+    settings.validate()?;
     let mut solid = mesh.solid_triangles().map_err(mesh_error)?;
     let header = FieldHeader {
         name: mesh.name.clone(),
         bounds: bounds_of(&solid, settings.bounds).map_err(mesh_error)?,
-        representation: settings.representation,
-        encoding: settings.encoding,
         triangles: u32::try_from(solid.len()).unwrap_or(u32::MAX),
         measured: Vec::new(),
     };
@@ -117,11 +142,26 @@ pub fn bake(mesh: &Mesh, settings: &BakeSettings, progress: impl Fn(u64) + Sync)
     let field_from_mesh = header.bounds.field_from_mesh();
     solid.iter_mut().flatten().for_each(|corner| *corner = field_from_mesh.transform_point3(*corner));
     let triangles = TriangleBvh::new(&solid);
+    let table = settings.table.map(|format| trace_table(format, &triangles, &progress)).transpose()?;
+    Ok(VisibilityField::new(header, FieldParts { table })?)
+}
+
+/// The table of triangles in field space.
+fn trace_table(
+    format: TableFormat,
+    triangles: &TriangleBvh,
+    progress: &(impl Fn(u64) + Sync),
+) -> Result<ChordTable, FieldError> {
     let trace = |mut block: Block| {
-        block.fill(|start, end| first_hit_fraction(&triangles, start, end));
+        block.fill(|start, end| first_hit_fraction(triangles, start, end));
         progress(block.chords());
     };
-    Ok(VisibilityField::sample(header, |blocks| blocks.into_par_iter().for_each(trace))?)
+    ChordTable::sample(format, |blocks| blocks.into_par_iter().for_each(trace))
+}
+
+/// The table of a field, for what measures tables.
+pub(crate) fn table_of(field: &VisibilityField) -> Result<&ChordTable, BakeError> {
+    field.table().ok_or_else(|| BakeError::NoTable { name: field.header().name.clone() })
 }
 
 /// Length of the chords below which both ends count as the same point. Such a chord touches the sphere and nothing inside.
@@ -163,8 +203,9 @@ mod tests {
     #[test]
     fn a_chord_with_one_end_twice_meets_nothing() {
         let field = bake(&tetrahedron(), &BakeSettings::two_point(5, 5), |_| ()).unwrap();
+        let table = field.table().unwrap().bytes();
         for cell in 0..25 {
-            assert_eq!(field.table()[cell * 25 + cell], visfield::field::encoding::NO_HIT_CODE);
+            assert_eq!(table[cell * 25 + cell], visfield::field::encoding::NO_HIT_CODE);
         }
     }
 
@@ -174,5 +215,13 @@ mod tests {
             let error = bake(&tetrahedron(), &BakeSettings::two_point(entries, exits), |_| ()).unwrap_err();
             assert!(matches!(error, BakeError::Settings(_)), "{entries} and {exits}: {error}");
         }
+    }
+
+    #[test]
+    fn settings_without_a_part_are_refused_before_the_mesh_is_looked_at() {
+        let settings = BakeSettings { table: None, ..BakeSettings::default() };
+        assert_eq!(bake(&Mesh::default(), &settings, |_| ()), Err(BakeError::Settings(FieldError::Empty)));
+        assert_eq!((settings.rays(), settings.to_string()), (0, "sphere".to_owned()));
+        assert_eq!(BakeSettings::default().to_string(), "65\u{b2} \u{d7} 32\u{b2} in u8, sphere");
     }
 }

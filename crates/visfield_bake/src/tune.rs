@@ -17,9 +17,9 @@ mod probe;
 
 use thiserror::Error;
 use visfield::field::measured::Measured;
-use visfield::{Encoding, Representation, VisibilityField};
+use visfield::{Encoding, Representation, TableFormat, VisibilityField};
 
-use crate::bake::{BakeError, BakeSettings, bake};
+use crate::bake::{BakeError, BakeSettings, bake, table_of};
 use crate::bounds::BoundsKind;
 use crate::mesh::Mesh;
 use probe::{Probe, probes};
@@ -251,7 +251,7 @@ pub fn tune(mesh: &Mesh, question: &TuneQuestion, watch: impl Fn(TuneStep) + Syn
         max_rms,
         max_bytes: question.max_bytes,
         best: best.settings,
-        bytes: best.field.header().table_bytes(),
+        bytes: best.field.bytes(),
         worst: best.worst(),
     })
 }
@@ -303,9 +303,13 @@ fn tables() -> Vec<Table> {
 
 impl Table {
     fn settings(&self) -> BakeSettings {
-        let (encoding, bounds) = self.family;
+        self.settings_in(self.family.0)
+    }
+
+    /// The settings of the same chords and bounds in another encoding.
+    fn settings_in(&self, encoding: Encoding) -> BakeSettings {
         let representation = Representation::TwoPoint { entries: self.entries, exits: self.exits };
-        BakeSettings { representation, encoding, bounds }
+        BakeSettings::of_table(TableFormat { representation, encoding }, self.family.1)
     }
 
     /// Whether this has the other's encoding and bounds, and cells nowhere coarser.
@@ -427,14 +431,16 @@ impl<W: Fn(TuneStep) + Sync> Search<'_, W> {
         let bytes = if let Some(index) = sibling {
             self.traced.swap_remove(index).1
         } else {
-            let settings = BakeSettings { encoding: Encoding::U8, ..table.settings() };
-            let bytes = bake(self.mesh, &settings, |rays| (self.watch)(TuneStep::Rays(rays)))?;
+            let bytes = bake(self.mesh, &table.settings_in(Encoding::U8), |rays| (self.watch)(TuneStep::Rays(rays)))?;
             self.traced.push((*table, bytes.clone()));
             bytes
         };
         Ok(match table.family.0 {
             Encoding::U8 => bytes,
-            other => bytes.with_encoding(other).map_err(BakeError::Settings)?,
+            other => {
+                let table = table_of(&bytes)?.with_encoding(other).map_err(BakeError::Settings)?;
+                bytes.with_table(table)
+            }
         })
     }
 

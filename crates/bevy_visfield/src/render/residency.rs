@@ -71,7 +71,7 @@ impl RenderAsset for ResidentField {
     type Param = (SRes<RenderDevice>, SRes<RenderQueue>, Option<SResMut<FieldResidency>>);
 
     fn byte_len(field: &VisibilityField) -> Option<usize> {
-        Some(field.table().len())
+        usize::try_from(field.bytes()).ok()
     }
 
     fn prepare_asset(
@@ -85,7 +85,7 @@ impl RenderAsset for ResidentField {
         residency.free(id);
         match residency.pool.insert(device.wgpu_device(), queue, &field) {
             Ok(slot) => {
-                if field.header().encoding == Encoding::Bit {
+                if field.table().is_some_and(|table| table.encoding() == Encoding::Bit) {
                     warn!(
                         "visibility field `{}` is of bits, which know no distances: its own mesh looks black where it \
                          receives occlusion; bake it with `--encoding u8`, unless it is never seen itself",
@@ -103,7 +103,7 @@ impl RenderAsset for ResidentField {
                 match error {
                     PoolError::Full { .. } => Err(PrepareAssetError::RetryNextUpdate(field)),
                     // It will never be taken.
-                    PoolError::Representation => Ok(Self),
+                    PoolError::Representation | PoolError::NoTable => Ok(Self),
                 }
             }
         }

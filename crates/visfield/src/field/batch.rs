@@ -1,4 +1,4 @@
-//! Many rays against one field at once: the same lookups as in [`query`](super::query), several lanes wide.
+//! Many rays against one table at once: the same lookups as in [`query`](super::query), several lanes wide.
 //!
 //! Rays are taken in blocks of [`LANES`]. The lookups of a block are computed in loops over its lanes, by the very functions
 //! that single rays use; compiled for the widest instructions that the processor has (crate `pulp` finds them out at run
@@ -14,63 +14,31 @@
 use glam::Vec3;
 use pulp::{Arch, NullaryFnOnce};
 
-use super::VisibilityField;
 use super::chord::line_chord;
 use super::encoding::{Codes, Encoding, NO_HIT_CODE, decode_u8};
 use super::lookup::{Aim, ChordGrid, Grid, Lookup, lookup};
 use super::query::{QueryOptions, Ray, Resolution, finite, is_ordinary, not_behind, rises_above};
+use super::table::ChordTable;
 
 /// Rays of a block: a few vectors of the widest kind, so that their reads from the table overlap.
 pub const LANES: usize = 64;
 
 type Lanes<T> = [T; LANES];
 
-impl VisibilityField {
-    /// [`hit`](Self::hit) for many rays at once, several times faster; infinity stands for none.
-    ///
-    /// ```
-    /// use glam::{Vec3, vec3};
-    /// use visfield::{Ray, field::query::QueryOptions};
-    /// # let field = visfield::field::example_field();
-    /// let rays = [0.0, 0.9].map(|height| Ray::new(vec3(-3.0, height, 0.0), Vec3::X));
-    /// let mut hits = [0.0; 2];
-    /// field.hit_batch(&rays, &QueryOptions::default(), &mut hits);
-    /// assert!(hits[0] < 3.0 && hits[1] == f32::INFINITY);
-    /// ```
-    ///
-    /// # Panics
-    /// If there are not as many `hits` as `rays`.
-    pub fn hit_batch(&self, rays: &[Ray], options: &QueryOptions, hits: &mut [f32]) {
-        assert_eq!(rays.len(), hits.len(), "one answer per ray");
+impl ChordTable {
+    /// [`VisibilityField::hit_batch`](super::VisibilityField::hit_batch), for as many `hits` as `rays`.
+    pub(super) fn hit_batch(&self, rays: &[Ray], options: &QueryOptions, hits: &mut [f32]) {
         self.batch::<_, true>(rays, options, hits, |t, _| t, |ray| self.hit(ray, options).unwrap_or(f32::INFINITY));
     }
 
-    /// [`distance`](Self::distance) for many rays at once, several times faster.
-    ///
-    /// # Panics
-    /// If there are not as many `distances` as `rays`.
-    pub fn distance_batch(&self, rays: &[Ray], options: &QueryOptions, distances: &mut [f32]) {
-        assert_eq!(rays.len(), distances.len(), "one answer per ray");
+    /// [`VisibilityField::distance_batch`](super::VisibilityField::distance_batch), for as many `distances` as `rays`.
+    pub(super) fn distance_batch(&self, rays: &[Ray], options: &QueryOptions, distances: &mut [f32]) {
         let distance = |t: f32, ray: &Ray| if t < f32::INFINITY { finite(t * ray.direction.length()) } else { t };
         self.batch::<_, true>(rays, options, distances, distance, |ray| self.distance(ray, options));
     }
 
-    /// [`occluded`](Self::occluded) for many rays at once, many times faster.
-    ///
-    /// ```
-    /// use glam::{Vec3, vec3};
-    /// use visfield::{Ray, field::query::QueryOptions};
-    /// # let field = visfield::field::example_field();
-    /// let rays = [0.0, 0.9].map(|height| Ray::new(vec3(-3.0, height, 0.0), Vec3::X));
-    /// let mut occluded = [false; 2];
-    /// field.occluded_batch(&rays, &QueryOptions::default(), &mut occluded);
-    /// assert_eq!(occluded, [true, false]);
-    /// ```
-    ///
-    /// # Panics
-    /// If there are not as many `occluded` as `rays`.
-    pub fn occluded_batch(&self, rays: &[Ray], options: &QueryOptions, occluded: &mut [bool]) {
-        assert_eq!(rays.len(), occluded.len(), "one answer per ray");
+    /// [`VisibilityField::occluded_batch`](super::VisibilityField::occluded_batch), for as many `occluded` as `rays`.
+    pub(super) fn occluded_batch(&self, rays: &[Ray], options: &QueryOptions, occluded: &mut [bool]) {
         self.batch::<_, false>(rays, options, occluded, |t, _| t < f32::INFINITY, |ray| self.occluded(ray, options));
     }
 
@@ -86,7 +54,7 @@ impl VisibilityField {
     ) {
         match self.grid() {
             Grid::TwoPoint(grid) => {
-                let batch = Batch::<_, _, _, _, NEAREST> { field: self, grid, rays, options, answers, answer, single };
+                let batch = Batch::<_, _, _, _, NEAREST> { table: self, grid, rays, options, answers, answer, single };
                 match options.aim {
                     Aim::Point => Arch::new().dispatch(Snapped::<_, true>(batch)),
                     Aim::Plain => Arch::new().dispatch(Snapped::<_, false>(batch)),
@@ -104,7 +72,7 @@ impl VisibilityField {
 
 /// A batch's work.
 struct Batch<'a, G, A, F, S, const NEAREST: bool> {
-    field: &'a VisibilityField,
+    table: &'a ChordTable,
     grid: G,
     rays: &'a [Ray],
     options: &'a QueryOptions,
@@ -123,8 +91,8 @@ impl<G: ChordGrid, A, F: Fn(f32, &Ray) -> A, S: Fn(&Ray) -> A, const AIMED: bool
 
     #[inline(always)]
     fn call(self) {
-        let Batch { field, grid, rays, options, answers, answer, single } = self.0;
-        let (codes, resolution) = (field.codes(), field.resolution());
+        let Batch { table, grid, rays, options, answers, answer, single } = self.0;
+        let (codes, resolution) = (table.codes(), table.resolution());
         for (rays, answers) in rays.chunks(LANES).zip(answers.chunks_mut(LANES)) {
             // Of a length that the compiler knows, wherever possible.
             let block = match rays.as_array() {

@@ -81,8 +81,8 @@ impl Encoding {
 ///
 /// ```
 /// # let field = visfield::field::example_field();
-/// let table = field.codes();
-/// let hit = (0..1000).find_map(|index| table.fraction(index)).unwrap();
+/// let codes = field.table().unwrap().codes();
+/// let hit = (0..1000).find_map(|index| codes.fraction(index)).unwrap();
 /// assert!((0.0..=1.0).contains(&hit));
 /// ```
 #[derive(Clone, Copy, Debug)]
@@ -145,7 +145,7 @@ impl<'a> Codes<'a> {
 
 /// A few starts of a table that is being filled, with all their chords. Blocks of a table can be filled in parallel.
 ///
-/// [`VisibilityField::sample`](super::VisibilityField::sample) shows how.
+/// [`ChordTable::sample`](super::ChordTable::sample) shows how.
 #[derive(Debug)]
 pub struct Block<'a> {
     grid: Grid,

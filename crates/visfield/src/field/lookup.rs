@@ -96,7 +96,8 @@ impl ChordGrid for TwoPointGrid {
 /// ```
 /// use visfield::field::lookup::{ChordGrid, Grid};
 /// # let field = visfield::field::example_field();
-/// assert!(matches!(field.grid(), Grid::TwoPoint(grid) if grid.entries * grid.entries == field.grid().starts()));
+/// let grid = field.table().unwrap().grid();
+/// assert!(matches!(grid, Grid::TwoPoint(two_point) if two_point.entries * two_point.entries == grid.starts()));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Grid {

@@ -1,10 +1,10 @@
 //! A visibility field: what it holds, and how rays ask it.
 //!
-//! [`octahedral`] numbers the cells of a sphere, [`chord`] finds the part of a ray inside the unit sphere, [`lookup`] picks
-//! the table entry that stands for a ray, [`encoding`] reads it, and [`query`] turns it into an answer, [`batch`] for many
-//! rays at once. What a frame needs of them has a WGSL twin of the same name in `shaders/field.wgsl`. [`hemisphere`] and
-//! [`directions`] are the papers' own grid, which other representations are compared with. [`measured`] says what a field
-//! was found to get wrong.
+//! A field is a header and optional parts. Its [`table`] answers rays: [`octahedral`] numbers the cells of a sphere,
+//! [`chord`] finds the part of a ray inside the unit sphere, [`lookup`] picks the table entry that stands for a ray,
+//! [`encoding`] reads it, and [`query`] turns it into an answer, [`batch`] for many rays at once. What a frame needs of them
+//! has a WGSL twin of the same name in `shaders/field.wgsl`. [`hemisphere`] and [`directions`] are the papers' own grid, which
+//! other representations are compared with. [`measured`] says what a field was found to get wrong.
 
 pub mod batch;
 pub mod cap_grid;
@@ -17,88 +17,17 @@ pub mod lookup;
 pub mod measured;
 pub mod octahedral;
 pub mod query;
-
-use std::fmt;
-use std::sync::Arc;
+mod rays;
+pub mod table;
 
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use encoding::Encoding;
+pub use table::{ChordTable, MAX_SIDE, MAX_TABLE_BYTES, Representation, TableFormat};
 
-use directions::DirectionMap;
-use encoding::{Block, Codes};
-use hemisphere::HemisphereGrid;
-use lookup::{ChordGrid, Grid, TwoPointGrid};
 use measured::Measured;
-
-/// Largest side of either octahedral grid of a table. 512⁴ cells would be 64 GiB; real tables stop far below.
-pub const MAX_SIDE: u32 = 512;
-/// Largest table in bytes. Table positions are `u32` byte offsets on the GPU.
-pub const MAX_TABLE_BYTES: u64 = 1 << 30;
-
-/// How a field stores visibility (DESIGN §2, *representation*).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum Representation {
-    /// A table over both ends of the chord: `entries`² × `exits`² cells of two octahedral grids, row-major with the
-    /// exit cell running fastest. Replaces the papers' position map × direction map: for cosine-distributed rays the
-    /// exit point is uniform on the sphere, which is what their concentric map provides, without its trigonometry.
-    TwoPoint {
-        /// Side of the grid of chord entries, 1…[`MAX_SIDE`].
-        entries: u32,
-        /// Side of the grid of chord exits, 1…[`MAX_SIDE`].
-        exits: u32,
-    },
-    /// The papers' own: a map of `directions`² cells over the inward hemisphere at each of `positions` points of the sphere.
-    /// Kept as the reference that others are compared with; the GPU passes do not read it.
-    Hemisphere {
-        /// Number of positions, (2n + 1)² + 1 for some n: 290, 1090, 4226 and 16642 in the papers. At most [`MAX_SIDE`]².
-        positions: u32,
-        /// Side of each map of directions, 1…[`MAX_SIDE`].
-        directions: u32,
-        /// How directions become points of the map.
-        map: DirectionMap,
-    },
-}
-
-impl fmt::Display for Representation {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        match self {
-            Self::TwoPoint { entries, exits } => write!(f, "{entries}\u{b2} \u{d7} {exits}\u{b2}"),
-            Self::Hemisphere { positions, directions, .. } => write!(f, "{positions} \u{d7} {directions}\u{b2}"),
-        }
-    }
-}
-
-impl Representation {
-    /// Its name, without its numbers: `two-point` or `hemisphere`.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::TwoPoint { .. } => "two-point",
-            Self::Hemisphere { .. } => "hemisphere",
-        }
-    }
-
-    /// The chords that a table stores.
-    ///
-    /// # Errors
-    /// [`FieldError`] names the first number that is out of range.
-    pub fn grid(&self) -> Result<Grid, FieldError> {
-        let check = |side: u32| if (1..=MAX_SIDE).contains(&side) { Ok(side) } else { Err(FieldError::Side { side }) };
-        match *self {
-            Self::TwoPoint { entries, exits } => {
-                Ok(Grid::TwoPoint(TwoPointGrid { entries: check(entries)?, exits: check(exits)? }))
-            }
-            Self::Hemisphere { positions, directions, map } => HemisphereGrid::new(positions, check(directions)?, map)
-                .filter(|_| positions <= MAX_SIDE * MAX_SIDE)
-                .map(Grid::Hemisphere)
-                .ok_or(FieldError::Positions { positions }),
-        }
-    }
-}
 
 /// The ellipsoid around the mesh that becomes the unit sphere of field space.
 ///
@@ -158,19 +87,17 @@ impl BoundingEllipsoid {
 /// Relative volume below which an ellipsoid counts as flat: far below what any bake makes, and far above rounding.
 const FLATTEST: f64 = 1.0e-18;
 
-/// What a field is, without its table.
+/// What a field tells of its mesh, whatever its parts.
 ///
 /// ```
-/// use visfield::{BoundingEllipsoid, Encoding, FieldHeader, Representation};
+/// use visfield::{BoundingEllipsoid, FieldHeader};
 /// let header = FieldHeader {
 ///     name: "Mesh0/Primitive0".to_owned(),
 ///     bounds: BoundingEllipsoid::sphere([0.0; 3], 1.0),
-///     representation: Representation::TwoPoint { entries: 65, exits: 32 },
-///     encoding: Encoding::U8,
 ///     triangles: 12,
 ///     measured: Vec::new(),
 /// };
-/// assert_eq!(header.table_bytes(), 65 * 65 * 32 * 32);
+/// assert_eq!(header.validate(), Ok(()));
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FieldHeader {
@@ -178,10 +105,6 @@ pub struct FieldHeader {
     pub name: String,
     /// The ellipsoid that becomes the unit sphere of field space.
     pub bounds: BoundingEllipsoid,
-    /// How visibility is stored.
-    pub representation: Representation,
-    /// How one chord's answer is stored.
-    pub encoding: Encoding,
     /// Number of triangles that were baked.
     pub triangles: u32,
     /// What the field was measured to get wrong; empty if it was not measured.
@@ -190,13 +113,6 @@ pub struct FieldHeader {
 }
 
 impl FieldHeader {
-    /// Size of the uncompressed table in bytes, saturating; 0 if the representation is not valid.
-    pub fn table_bytes(&self) -> u64 {
-        self.representation
-            .grid()
-            .map_or(0, |grid| self.encoding.table_bytes(grid.starts().into(), grid.chords_per_start().into()))
-    }
-
     /// Checks every number against its documented range.
     ///
     /// # Errors
@@ -208,18 +124,42 @@ impl FieldHeader {
         if !self.measured.iter().all(Measured::is_finite) {
             return Err(FieldError::Measured);
         }
-        let grid = self.representation.grid()?;
-        let chords = u64::from(grid.starts()) * u64::from(grid.chords_per_start());
-        let bytes = self.table_bytes();
-        // Positions in the table are u32 in the shader and in lookups.
-        if bytes > MAX_TABLE_BYTES || chords > u64::from(u32::MAX) {
-            return Err(FieldError::TooLarge { bytes });
-        }
         Ok(())
     }
 }
 
-/// Why a header and a table do not make a field.
+/// What a field can hold of its mesh. Each part is there or not, and serves queries of its own.
+///
+/// ```
+/// # let field = visfield::field::example_field();
+/// let parts = visfield::FieldParts::from(field.table().unwrap().clone());
+/// assert_eq!(&parts, field.parts());
+/// ```
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FieldParts {
+    /// Answers rays.
+    pub table: Option<ChordTable>,
+}
+
+impl From<ChordTable> for FieldParts {
+    /// A table alone.
+    fn from(table: ChordTable) -> Self {
+        Self { table: Some(table) }
+    }
+}
+
+impl FieldParts {
+    /// Size of all parts in memory, in bytes.
+    pub fn bytes(&self) -> u64 {
+        self.table.as_ref().map_or(0, |table| table.bytes().len() as u64)
+    }
+
+    fn is_empty(&self) -> bool {
+        self.table.is_none()
+    }
+}
+
+/// Why a header and parts do not make a field.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum FieldError {
     /// The bounding ellipsoid has a number that is not finite, or no volume.
@@ -259,17 +199,20 @@ pub enum FieldError {
         /// The size asked for, in bytes.
         bytes: u64,
     },
-    /// The table's length is not what the header says.
-    #[error("the table holds {found} bytes but its header says {expected}")]
+    /// The table's length is not what its format says.
+    #[error("the table holds {found} bytes but its format says {expected}")]
     TableLength {
-        /// Bytes that the header asks for.
+        /// Bytes that the format asks for.
         expected: u64,
         /// Bytes that are there.
         found: u64,
     },
+    /// There is no part.
+    #[error("a field needs a part that answers something; give it a table")]
+    Empty,
 }
 
-/// Baked visibility of one rigid mesh. Cheap to clone: the table is shared.
+/// Baked visibility of one rigid mesh: a header, and at least one part. Cheap to clone: the parts are shared.
 ///
 /// ```
 /// use glam::vec3;
@@ -282,70 +225,43 @@ pub enum FieldError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct VisibilityField {
     header: FieldHeader,
-    grid: Grid,
-    table: Arc<[u8]>,
+    parts: FieldParts,
 }
 
 impl VisibilityField {
-    /// Joins a header and the table it describes.
-    ///
-    /// # Errors
-    /// [`FieldError`] if a number is out of range or the table's length is not [`FieldHeader::table_bytes`].
-    pub fn new(header: FieldHeader, table: impl Into<Arc<[u8]>>) -> Result<Self, FieldError> {
-        header.validate()?;
-        let table = table.into();
-        let (expected, found) = (header.table_bytes(), table.len() as u64);
-        if expected != found {
-            return Err(FieldError::TableLength { expected, found });
-        }
-        let grid = header.representation.grid()?;
-        Ok(Self { header, grid, table })
-    }
-
-    /// Makes a field by asking for the first hit of every chord. `fill` is given the blocks of the table, and
-    /// [fills](Block::fill) each of them, in any order or in parallel.
+    /// Joins a header and what was baked.
     ///
     /// ```
     /// # let header = visfield::field::example_field().header().clone();
-    /// // The half-space z < 0.
-    /// let first_hit = |from: glam::Vec3, to: glam::Vec3| match (from.z < 0.0, to.z < 0.0) {
-    ///     (true, _) => Some(0.0),
-    ///     (false, true) => Some(from.z / (from.z - to.z)),
-    ///     (false, false) => None,
-    /// };
-    /// let field = visfield::VisibilityField::sample(header, |blocks| {
-    ///     blocks.into_iter().for_each(|mut block| block.fill(first_hit));
-    /// })?;
-    /// assert_eq!(field.table().len() as u64, field.header().table_bytes());
-    /// # Ok::<(), visfield::FieldError>(())
+    /// use visfield::{FieldError, FieldParts, VisibilityField};
+    /// assert_eq!(VisibilityField::new(header, FieldParts::default()), Err(FieldError::Empty));
     /// ```
     ///
     /// # Errors
-    /// [`FieldError`] if a number of the header is out of range; then nothing is asked for.
-    pub fn sample(header: FieldHeader, fill: impl FnOnce(Vec<Block<'_>>)) -> Result<Self, FieldError> {
+    /// [`FieldError`] if a number of the header is out of range, or if there is no part.
+    pub fn new(header: FieldHeader, parts: FieldParts) -> Result<Self, FieldError> {
         header.validate()?;
-        let mut table = vec![0; header.table_bytes() as usize];
-        fill(encoding::blocks(header.representation.grid()?, header.encoding, &mut table).collect());
-        Self::new(header, table)
+        if parts.is_empty() {
+            return Err(FieldError::Empty);
+        }
+        Ok(Self { header, parts })
     }
 
-    /// The same chords in another encoding, without what was measured. From a coarse encoding this makes no finer one: what was
-    /// rounded stays rounded.
+    /// The same field with another table of its mesh, without what was measured.
     ///
     /// ```
     /// # let field = visfield::field::example_field();
     /// use visfield::Encoding;
-    /// let bits = field.with_encoding(Encoding::Bit)?;
-    /// assert!(bits.table().len() * 7 < field.table().len());
-    /// assert!((0..1000).all(|chord| bits.codes().fraction(chord).is_some() == field.codes().fraction(chord).is_some()));
+    /// let bits = field.table().unwrap().with_encoding(Encoding::Bit)?;
+    /// let smaller = field.clone().with_table(bits);
+    /// assert!(smaller.bytes() < field.bytes());
     /// # Ok::<(), visfield::FieldError>(())
     /// ```
-    ///
-    /// # Errors
-    /// [`FieldError`] if the table would be too large.
-    pub fn with_encoding(&self, encoding: Encoding) -> Result<Self, FieldError> {
-        let header = FieldHeader { encoding, measured: Vec::new(), ..self.header.clone() };
-        Self::sample(header, |blocks| blocks.into_iter().for_each(|mut block| block.copy(&self.codes())))
+    #[must_use]
+    pub fn with_table(mut self, table: ChordTable) -> Self {
+        self.header.measured.clear();
+        self.parts.table = Some(table);
+        self
     }
 
     /// The same field, with what it was measured to get wrong in its header.
@@ -367,26 +283,25 @@ impl VisibilityField {
         Ok(self)
     }
 
-    /// What this field is.
+    /// What it tells of its mesh.
     pub fn header(&self) -> &FieldHeader {
         &self.header
     }
 
-    /// The table as it is stored: codes, start by start, and for bits the means behind them (see [`Encoding`]).
-    pub fn table(&self) -> &[u8] {
-        &self.table
+    /// What it holds.
+    pub fn parts(&self) -> &FieldParts {
+        &self.parts
     }
 
-    /// The table, decoded chord by chord.
+    /// The part that answers rays, if it has one.
     #[inline(always)]
-    pub fn codes(&self) -> Codes<'_> {
-        Codes::new(self.header.encoding, &self.table, self.grid.starts(), self.grid.chords_per_start())
+    pub fn table(&self) -> Option<&ChordTable> {
+        self.parts.table.as_ref()
     }
 
-    /// The chords that the table stores.
-    #[inline(always)]
-    pub fn grid(&self) -> Grid {
-        self.grid
+    /// Size of all its parts in memory, in bytes.
+    pub fn bytes(&self) -> u64 {
+        self.parts.bytes()
     }
 
     /// The map from mesh space to field space.
@@ -413,8 +328,6 @@ pub fn ball(radius: f32, representation: Representation, encoding: Encoding) -> 
     let header = FieldHeader {
         name: "ball".to_owned(),
         bounds: BoundingEllipsoid::sphere([0.0; 3], 1.0),
-        representation,
-        encoding,
         triangles: 0,
         measured: Vec::new(),
     };
@@ -424,6 +337,8 @@ pub fn ball(radius: f32, representation: Representation, encoding: Encoding) -> 
         let discriminant = b * b - a * (1.0 - radius * radius);
         (a > 0.0 && discriminant > 0.0).then(|| (-b - discriminant.sqrt()) / a)
     };
-    VisibilityField::sample(header, |blocks| blocks.into_iter().for_each(|mut block| block.fill(first_hit)))
+    let format = TableFormat { representation, encoding };
+    ChordTable::sample(format, |blocks| blocks.into_iter().for_each(|mut block| block.fill(first_hit)))
+        .and_then(|table| VisibilityField::new(header, table.into()))
         .expect("a sampled ball is a valid field")
 }

@@ -1,11 +1,11 @@
-//! Single rays against one field, in field space (the bounding ellipsoid is the unit sphere).
+//! Single rays against one table, in field space (the bounding ellipsoid is the unit sphere).
 
 use glam::Vec3;
 
-use super::VisibilityField;
 use super::chord::{Chord, chord};
 use super::lookup::{Aim, ChordGrid, Lookup, forward_lookup, reversed_lookup};
 use super::octahedral::cell_width;
+use super::table::ChordTable;
 
 /// A ray, or a segment of one: the points `origin + t·direction` with t in [0, `t_max`).
 ///
@@ -130,7 +130,7 @@ impl Default for Bias {
 ///
 /// ```
 /// # let field = visfield::field::example_field();
-/// assert_eq!(field.resolution().half_quantum, 0.5 / 254.0);
+/// assert_eq!(field.table().unwrap().resolution().half_quantum, 0.5 / 254.0);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Resolution {
@@ -146,72 +146,33 @@ fn exit_spread(resolution: Resolution, before: f32, length: f32) -> f32 {
     cell_width(resolution.exits) * before / length.max(f32::MIN_POSITIVE)
 }
 
-impl VisibilityField {
-    /// The ray parameter t of the first known hit along a ray.
-    ///
-    /// From outside the bounds this is the first hit. From inside, a table knows the first and the last hit of the whole
-    /// line and nothing between them: if there is a surface behind the origin too, the answer is the last hit ahead, at or
-    /// beyond the nearest one.
-    ///
-    /// ```
-    /// use visfield::{Ray, field::query::QueryOptions};
-    /// # let field = visfield::field::example_field();
-    /// let ray = Ray::new(glam::vec3(0.0, 0.0, 4.0), glam::vec3(0.0, 0.0, -2.0));
-    /// let t = field.hit(&ray, &QueryOptions::default()).unwrap();
-    /// assert!((t - 1.75).abs() < 0.05); // a ball of radius 1/2; t counts direction vectors
-    /// ```
+impl ChordTable {
+    /// [`VisibilityField::hit`](super::VisibilityField::hit)
     #[inline]
-    pub fn hit(&self, ray: &Ray, options: &QueryOptions) -> Option<f32> {
+    pub(super) fn hit(&self, ray: &Ray, options: &QueryOptions) -> Option<f32> {
         let (rescaled, scale) = ray.rescaled();
         let t = self.known_hit(&rescaled, options, true)? / scale;
         // Scaling back may leave the range of f32, or round up to the end.
         Some(t.min(ray.t_max.next_down()))
     }
 
-    /// The length of the ray up to its [first known hit](Self::hit), in field-space units (bounding radii if the bounds are
-    /// a sphere); infinite if it hits nothing.
-    ///
-    /// ```
-    /// use visfield::{Ray, field::query::QueryOptions};
-    /// # let field = visfield::field::example_field();
-    /// let ray = Ray::new(glam::vec3(0.0, 0.0, 4.0), glam::vec3(0.0, 0.0, -2.0));
-    /// assert!((field.distance(&ray, &QueryOptions::default()) - 3.5).abs() < 0.1);
-    /// ```
+    /// [`VisibilityField::distance`](super::VisibilityField::distance)
     #[inline]
-    pub fn distance(&self, ray: &Ray, options: &QueryOptions) -> f32 {
+    pub(super) fn distance(&self, ray: &Ray, options: &QueryOptions) -> f32 {
         let (ray, _) = ray.rescaled();
         self.known_hit(&ray, options, true).map_or(f32::INFINITY, |t| finite(t * ray.direction.length()))
     }
 
-    /// Whether anything lies along the ray before its end.
-    ///
-    /// An origin outside the bounds asks forwards. An origin inside asks backwards, from the far side: the ray is occluded
-    /// iff the last hit lies beyond the bias (2010, §3.2, *intra-object occlusion*). For a *segment* that ends before the
-    /// last hit, the forward lookup decides; from inside it is blocked by whatever lies behind the origin, so that a short
-    /// segment from the mesh's own surface may miss what it should hit. A table knows lines, not points within them.
-    ///
-    /// ```
-    /// use glam::{Vec3, vec3};
-    /// use visfield::{Ray, field::query::QueryOptions};
-    /// # let field = visfield::field::example_field();
-    /// let occluded = |x: f32, t_max: f32| {
-    ///     field.occluded(&Ray { origin: vec3(x, 0.0, 0.0), direction: Vec3::X, t_max }, &QueryOptions::default())
-    /// };
-    /// assert!(occluded(-3.0, f32::INFINITY)); // outside, the ball ahead
-    /// assert!(!occluded(-3.0, 2.0)); // too short to reach it
-    /// assert!(occluded(-0.8, f32::INFINITY)); // inside the bounding sphere, the ball ahead
-    /// assert!(!occluded(0.8, f32::INFINITY)); // and behind
-    /// ```
+    /// [`VisibilityField::occluded`](super::VisibilityField::occluded)
     #[inline]
-    pub fn occluded(&self, ray: &Ray, options: &QueryOptions) -> bool {
+    pub(super) fn occluded(&self, ray: &Ray, options: &QueryOptions) -> bool {
         let (ray, _) = ray.rescaled();
         self.known_hit(&ray, options, false).is_some()
     }
 
-    /// Where the line through the ray last meets the mesh before leaving the bounds, as the ray parameter t, behind the
-    /// origin too: the reversed lookup of the 2010 paper (§3.2).
+    /// [`VisibilityField::last_hit`](super::VisibilityField::last_hit)
     #[inline]
-    pub fn last_hit(&self, ray: &Ray, aim: Aim) -> Option<f32> {
+    pub(super) fn last_hit(&self, ray: &Ray, aim: Aim) -> Option<f32> {
         let (ray, scale) = ray.rescaled();
         let c = chord(ray.origin, ray.direction)?;
         let lookup = reversed_lookup(&self.grid(), ray.origin, ray.direction, &c, aim);
@@ -255,7 +216,7 @@ impl VisibilityField {
     /// How finely the table knows where chords end and are hit.
     #[inline]
     pub fn resolution(&self) -> Resolution {
-        Resolution { exits: self.grid().exit_side(), half_quantum: self.header().encoding.half_quantum() }
+        Resolution { exits: self.grid().exit_side(), half_quantum: self.encoding().half_quantum() }
     }
 }
 

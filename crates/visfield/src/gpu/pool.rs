@@ -26,6 +26,9 @@ pub enum PoolError {
     /// The passes read two-point tables only.
     #[error("the GPU passes read two-point fields only; bake this one without `--representation hemisphere`")]
     Representation,
+    /// The passes read tables, and the field has none.
+    #[error("the GPU passes read tables, and this field has none; bake it with one")]
+    NoTable,
 }
 
 /// Where a field lies in the pool. Give it back with [`FieldPool::remove`].
@@ -110,17 +113,18 @@ impl FieldPool {
     /// Uploads a field's table.
     ///
     /// # Errors
-    /// [`PoolError::Full`] if the adapter's limit leaves no room, [`PoolError::Representation`] for a field that the passes do
-    /// not read; the pool stays as it was.
+    /// [`PoolError::Full`] if the adapter's limit leaves no room, [`PoolError::Representation`] for a table that the passes do
+    /// not read, [`PoolError::NoTable`] for a field without one; the pool stays as it was.
     pub fn insert(
         &mut self,
         device: &wgpu::Device,
         queue: &wgpu::Queue,
         field: &VisibilityField,
     ) -> Result<FieldSlot, PoolError> {
-        let Grid::TwoPoint(grid) = field.grid() else { return Err(PoolError::Representation) };
-        let table = field.table();
-        let words = (table.len() as u64).div_ceil(4);
+        let table = field.table().ok_or(PoolError::NoTable)?;
+        let Grid::TwoPoint(grid) = table.grid() else { return Err(PoolError::Representation) };
+        let bytes = table.bytes();
+        let words = (bytes.len() as u64).div_ceil(4);
         let range = if let Ok(range) = self.words.allocate_range(words) {
             range
         } else {
@@ -128,18 +132,17 @@ impl FieldPool {
             self.words.allocate_range(words).map_err(|_| self.full(words))?
         };
         // Writes come in whole words; the buffer's slack after the table is never read.
-        let whole = table.len() & !3;
-        queue.write_buffer(&self.buffer, range.start * 4, &table[..whole]);
-        if whole < table.len() {
+        let whole = bytes.len() & !3;
+        queue.write_buffer(&self.buffer, range.start * 4, &bytes[..whole]);
+        if whole < bytes.len() {
             let mut last = [0; 4];
-            last[..table.len() - whole].copy_from_slice(&table[whole..]);
+            last[..bytes.len() - whole].copy_from_slice(&bytes[whole..]);
             queue.write_buffer(&self.buffer, range.start * 4 + whole as u64, &last);
         }
         self.statistics.uploads += 1;
         self.statistics.uploaded_bytes += words * 4;
         self.statistics.resident_bytes += words * 4;
-        let header = field.header();
-        Ok(FieldSlot { words: range, grid, encoding: header.encoding, bounds: header.bounds })
+        Ok(FieldSlot { words: range, grid, encoding: table.encoding(), bounds: field.header().bounds })
     }
 
     /// Frees a field's place. Frames already encoded may still read it; its bytes stay until the next insertion.

@@ -2,7 +2,7 @@
 
 use visfield::field::lookup::Aim;
 use visfield::field::query::QueryOptions;
-use visfield::{Ray, VisibilityField};
+use visfield::{ChordTable, Ray, VisibilityField};
 
 use crate::SINGLE_RAYS;
 use crate::fields::fields;
@@ -30,7 +30,8 @@ fn any_ray_has_a_sane_answer() {
 /// Whether the ray hits, after checking everything about it.
 fn check(field: &VisibilityField, ray: &Ray, options: &QueryOptions) -> bool {
     let (hit, distance) = (field.hit(ray, options), field.distance(ray, options));
-    let context = || format!("{ray:?}, {options:?}, {:?}: {hit:?}, distance {distance}", field.header());
+    let context =
+        || format!("{ray:?}, {options:?}, {:?}: {hit:?}, distance {distance}", field.table().map(ChordTable::format));
     // Negated comparisons, so that NaN fails.
     assert!(hit.is_none_or(|t| t >= 0.0 && t < ray.t_max), "{}", context());
     assert_eq!(hit.is_some(), field.occluded(ray, options), "{}", context());

@@ -3,7 +3,7 @@
 use visfield::field::batch::LANES;
 use visfield::field::lookup::Aim;
 use visfield::field::query::QueryOptions;
-use visfield::{Ray, VisibilityField};
+use visfield::{ChordTable, Ray, VisibilityField};
 
 use crate::BATCHES;
 use crate::fields::fields;
@@ -38,7 +38,9 @@ fn compare(field: &VisibilityField, rays: &[Ray], options: &QueryOptions) {
     field.occluded_batch(rays, options, &mut stale);
     assert_eq!(occluded, stale);
     for (lane, ray) in rays.iter().enumerate() {
-        let context = || format!("lane {lane} of {}: {ray:?}, {options:?}, {:?}", rays.len(), field.header());
+        let context = || {
+            format!("lane {lane} of {}: {ray:?}, {options:?}, {:?}", rays.len(), field.table().map(ChordTable::format))
+        };
         let hit = field.hit(ray, options).unwrap_or(f32::INFINITY);
         assert_eq!(hits[lane].to_bits(), hit.to_bits(), "hit {} or {hit}, {}", hits[lane], context());
         let distance = field.distance(ray, options);

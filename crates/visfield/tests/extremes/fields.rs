@@ -2,7 +2,7 @@
 
 use visfield::field::ball;
 use visfield::field::directions::DirectionMap;
-use visfield::{Encoding, Representation, VisibilityField};
+use visfield::{ChordTable, Encoding, Representation, TableFormat, VisibilityField};
 
 /// Both grids, the papers' one with every map of directions, and the smallest table there is.
 fn representations() -> Vec<Representation> {
@@ -33,12 +33,13 @@ pub(crate) fn fields() -> Vec<VisibilityField> {
 
 /// A field whose every chord has an answer of its own.
 pub(crate) fn scattered(representation: Representation, encoding: Encoding) -> VisibilityField {
-    let header = ball(0.5, representation, encoding).header().clone();
+    let format = TableFormat { representation, encoding };
     let answer = |start: glam::Vec3, end: glam::Vec3| {
         let noise = (start.dot(glam::vec3(12.9, 78.2, 37.7)) + end.dot(glam::vec3(39.3, 11.1, 83.1))).sin() * 43758.5;
         // A third of the chords meets nothing, and a sixth begins or ends with a hit.
         (noise.fract().abs() < 0.67).then_some((noise.fract().abs() * 1.8 - 0.1).clamp(0.0, 1.0))
     };
-    VisibilityField::sample(header, |blocks| blocks.into_iter().for_each(|mut block| block.fill(answer)))
-        .expect("the header of a ball is valid")
+    let table = ChordTable::sample(format, |blocks| blocks.into_iter().for_each(|mut block| block.fill(answer)))
+        .expect("a ball of this format is valid too");
+    ball(0.5, representation, encoding).with_table(table)
 }

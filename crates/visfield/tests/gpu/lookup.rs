@@ -10,7 +10,7 @@ use visfield::field::chord::chord;
 use visfield::field::lookup::{Aim, TwoPointGrid, forward_lookup, reversed_lookup};
 use visfield::field::query::Bias;
 use visfield::gpu::layout::encoding_number;
-use visfield::{Encoding, QueryOptions, Ray, Representation, VisibilityField};
+use visfield::{ChordTable, Encoding, QueryOptions, Ray, Representation, VisibilityField};
 
 use super::device::{buffer_with, device, read_buffer};
 
@@ -63,7 +63,7 @@ fn random_probes() -> Vec<Probe> {
     (0..RAYS).map(|_| probe()).collect()
 }
 
-fn on_gpu(device: &wgpu::Device, queue: &wgpu::Queue, field: &VisibilityField, probes: &[Probe]) -> Vec<Answer> {
+fn on_gpu(device: &wgpu::Device, queue: &wgpu::Queue, table: &ChordTable, probes: &[Probe]) -> Vec<Answer> {
     let source = [visfield::gpu::FIELD_SOURCE, include_str!("lookup.wgsl")].concat();
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
@@ -79,12 +79,12 @@ fn on_gpu(device: &wgpu::Device, queue: &wgpu::Queue, field: &VisibilityField, p
     });
     let storage = wgpu::BufferUsages::STORAGE;
     let answers = vec![Answer::zeroed(); probes.len()];
-    let shape = [GRID.entries, GRID.exits, encoding_number(field.header().encoding)];
+    let shape = [GRID.entries, GRID.exits, encoding_number(table.encoding())];
     // Whole words, as the pool has them.
-    let mut table = field.table().to_vec();
-    table.resize(table.len().next_multiple_of(4), 0);
+    let mut words = table.bytes().to_vec();
+    words.resize(words.len().next_multiple_of(4), 0);
     let buffers = [
-        buffer_with(device, queue, &table, storage),
+        buffer_with(device, queue, &words, storage),
         buffer_with(device, queue, bytemuck::cast_slice(probes), storage),
         buffer_with(device, queue, bytemuck::cast_slice(&answers), storage | wgpu::BufferUsages::COPY_SRC),
         buffer_with(device, queue, bytemuck::cast_slice(&shape), storage),
@@ -131,11 +131,12 @@ fn the_shader_picks_the_same_table_entries_as_its_twin() {
     let probes = random_probes();
     for encoding in Encoding::ALL {
         let field = ball(0.6, Representation::TwoPoint { entries: GRID.entries, exits: GRID.exits }, encoding);
-        compare(&field, &probes, &on_gpu(&device, &queue, &field, &probes));
+        compare(&field, &probes, &on_gpu(&device, &queue, field.table().unwrap(), &probes));
     }
 }
 
 fn compare(field: &VisibilityField, probes: &[Probe], answers: &[Answer]) {
+    let table = field.table().unwrap();
     let (mut different, mut meeting, mut different_hits) = (0, 0, 0);
     for (probe, answer) in probes.iter().zip(answers) {
         let (origin, direction) = (Vec3::from(probe.origin), Vec3::from(probe.direction));
@@ -145,7 +146,7 @@ fn compare(field: &VisibilityField, probes: &[Probe], answers: &[Answer]) {
             meeting += 1;
             forward = forward_lookup(&GRID, direction, &c, Aim::Point).index;
             if forward == answer.forward_index {
-                let fraction = field.codes().fraction(forward).unwrap_or(3.0e38);
+                let fraction = table.codes().fraction(forward).unwrap_or(3.0e38);
                 assert!(
                     (answer.fraction - fraction).abs() < 1e-6 * fraction.max(1.0),
                     "{} and {fraction}",
@@ -155,7 +156,7 @@ fn compare(field: &VisibilityField, probes: &[Probe], answers: &[Answer]) {
             let lookup = reversed_lookup(&GRID, origin, direction, &c, Aim::Point);
             reversed = lookup.index;
             if reversed == answer.reversed_index {
-                let height = options.bias.height(field.resolution(), lookup.before, lookup.length);
+                let height = options.bias.height(table.resolution(), lookup.before, lookup.length);
                 assert!((answer.bias_height - height).abs() <= 1e-4 * height, "{} and {height}", answer.bias_height);
             }
         }
@@ -168,7 +169,7 @@ fn compare(field: &VisibilityField, probes: &[Probe], answers: &[Answer]) {
         let occluded = field.occluded(&Ray { origin, direction, t_max: probe.t_max }, &options);
         different_hits += usize::from(occluded != (answer.occluded == 1));
     }
-    let encoding = field.header().encoding;
+    let encoding = table.encoding();
     println!(
         "{encoding:?}: {different} of {} indices and {different_hits} of {RAYS} hits differ; {meeting} rays meet",
         2 * meeting

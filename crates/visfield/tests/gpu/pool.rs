@@ -14,7 +14,7 @@ fn tables_survive_growth_and_removal() {
     // 3.9 MB each; odd sizes leave tables that do not end on a word. Each makes the buffer grow, or nearly.
     let fields: Vec<VisibilityField> = (0..5).map(|i| ball_field(0.3 + 0.1 * i as f32, 63 - (i & 1), 31)).collect();
     let mut slots: Vec<FieldSlot> = fields.iter().map(|f| pool.insert(&device, &queue, f).unwrap()).collect();
-    let tables: u64 = fields.iter().map(|f| (f.table().len() as u64).next_multiple_of(4)).sum();
+    let tables: u64 = fields.iter().map(|field| field.bytes().next_multiple_of(4)).sum();
     let before = pool.statistics();
     assert_eq!((before.uploads, before.uploaded_bytes, before.resident_bytes), (5, tables, tables));
     assert!(before.buffer_bytes >= tables, "it had to grow");
@@ -27,7 +27,8 @@ fn tables_survive_growth_and_removal() {
     let content = read_buffer(&device, &queue, pool.buffer(), before.buffer_bytes);
     for (slot, field) in slots.iter().zip(&fields) {
         let start = slot.first_byte() as usize;
-        assert!(content[start..start + field.table().len()] == *field.table(), "table at {start}");
+        let table = field.table().unwrap().bytes();
+        assert!(content[start..start + table.len()] == *table, "table at {start}");
     }
 }
 
@@ -38,11 +39,11 @@ fn a_full_pool_says_so_and_stays_usable() {
     let mut pool = FieldPool::new(&device);
     // 33 MB each, against the default limit of 128 MiB.
     let large = ball_field(0.5, 90, 64);
-    let fitting = (limit / large.table().len() as u64) as usize;
+    let fitting = (limit / large.bytes()) as usize;
     for i in 0..fitting {
         assert!(pool.insert(&device, &queue, &large).is_ok(), "{i} of {fitting}");
     }
-    let full = PoolError::Full { bytes: large.table().len() as u64, limit };
+    let full = PoolError::Full { bytes: large.bytes(), limit };
     assert_eq!(pool.insert(&device, &queue, &large).unwrap_err(), full);
     assert!(pool.insert(&device, &queue, &ball_field(0.5, 9, 8)).is_ok(), "small ones still fit");
 }

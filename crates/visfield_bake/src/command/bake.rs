@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use clap::Args;
 use indicatif::{DecimalBytes, HumanCount, ProgressBar, ProgressStyle};
-use visfield::{Encoding, FieldHeader, Representation, VisibilityField, file};
+use visfield::{ChordTable, Encoding, Representation, VisibilityField, file};
 use visfield_bake::tune::{TuneError, TuneQuestion, TuneStep, tune};
 use visfield_bake::{BakeError, BakeSettings, Mesh, bake, read_meshes};
 
@@ -105,15 +105,14 @@ fn bake_one(
     let (header, seconds) = (field.header(), start.elapsed().as_secs_f64());
     _ = writeln!(
         report,
-        "{}: {} triangles, table {} = {}, {:.2} s, {:.2} M rays/s",
+        "{}: {} triangles, {}{:.2} s, {:.2} M rays/s",
         header.name,
         HumanCount(header.triangles.into()),
-        header.representation,
-        DecimalBytes(header.table_bytes()),
+        field.table().map_or_else(String::new, table_size),
         seconds,
         settings.rays() as f64 / seconds * 1e-6,
     );
-    note_limits(header, report);
+    note_limits(&field, report);
     Ok(field)
 }
 
@@ -143,23 +142,29 @@ fn tune_one(
         header.name,
         HumanCount(header.triangles.into()),
         tuned.settings,
-        DecimalBytes(header.table_bytes()),
+        DecimalBytes(tuned.field.bytes()),
         start.elapsed().as_secs_f64(),
         tuned.measured_tables,
     );
     for measured in &header.measured {
         _ = writeln!(report, "  {}", measured_line(measured));
     }
-    note_limits(header, report);
+    note_limits(&tuned.field, report);
     Ok(tuned.field)
 }
 
+/// Part of a line: which chords a table stores, in how many bytes.
+fn table_size(table: &ChordTable) -> String {
+    format!("table {} = {}, ", table.representation(), DecimalBytes(table.format().bytes()))
+}
+
 /// What the field cannot do in a game, if anything.
-fn note_limits(header: &FieldHeader, report: &mut String) {
-    if matches!(header.representation, Representation::Hemisphere { .. }) {
+fn note_limits(field: &VisibilityField, report: &mut String) {
+    let Some(table) = field.table() else { return };
+    if matches!(table.representation(), Representation::Hemisphere { .. }) {
         _ = writeln!(report, "  note: for comparisons; games render two-point fields only");
     }
-    if header.encoding == Encoding::Bit {
+    if table.encoding() == Encoding::Bit {
         _ = writeln!(report, "  note: bits know no distances; the mesh looks black where it receives occlusion itself");
     }
 }

@@ -8,7 +8,7 @@ use clap::Args;
 use indicatif::{DecimalBytes, HumanCount};
 use visfield::field::lookup::ChordGrid;
 use visfield::field::measured::{Measured, MeasuredScene, Purpose};
-use visfield::{BoundingEllipsoid, Encoding, Representation, VisibilityField, file};
+use visfield::{BoundingEllipsoid, ChordTable, Encoding, Representation, VisibilityField, file};
 
 use super::CommandError;
 
@@ -27,7 +27,7 @@ impl Arguments {
     pub(super) fn run(&self) -> Result<String, CommandError> {
         let fields = file::read(&self.field).map_err(CommandError::Inspect)?;
         let size = fs::metadata(&self.field).map_or(0, |metadata| metadata.len());
-        let tables: u64 = fields.iter().map(|field| field.header().table_bytes()).sum();
+        let in_memory: u64 = fields.iter().map(VisibilityField::bytes).sum();
         let mut report = String::new();
         _ = writeln!(
             report,
@@ -37,7 +37,7 @@ impl Arguments {
             fields.len(),
             if fields.len() == 1 { "" } else { "s" },
             DecimalBytes(size),
-            DecimalBytes(tables),
+            DecimalBytes(in_memory),
         );
         for field in &fields {
             report_field(&mut report, field);
@@ -48,7 +48,20 @@ impl Arguments {
 
 fn report_field(report: &mut String, field: &VisibilityField) {
     let header = field.header();
-    let representation = match header.representation {
+    _ = writeln!(report, "\n{}", header.name);
+    _ = writeln!(report, "  bounds           {} in mesh units", bounds(&header.bounds));
+    _ = writeln!(report, "  triangles        {}", HumanCount(header.triangles.into()));
+    if let Some(table) = field.table() {
+        report_table(report, table);
+    }
+    for (i, measured) in header.measured.iter().enumerate() {
+        let label = if i == 0 { "measured" } else { "" };
+        _ = writeln!(report, "  {label:<15}  {}", measured_line(measured));
+    }
+}
+
+fn report_table(report: &mut String, table: &ChordTable) {
+    let representation = match table.representation() {
         Representation::TwoPoint { entries, exits } => {
             format!("two-point, {entries}\u{b2} entries \u{d7} {exits}\u{b2} exits")
         }
@@ -57,27 +70,20 @@ fn report_field(report: &mut String, field: &VisibilityField) {
         }
         other => format!("{other:?}"),
     };
-    let encoding = match header.encoding {
+    let encoding = match table.encoding() {
         Encoding::Bit => "bit, whether a chord hits anything; distances are means".to_owned(),
         Encoding::U8 => "u8, first hit as a fraction of the chord in steps of 1/254".to_owned(),
         Encoding::U16 => "u16, first hit as a fraction of the chord in steps of 1/65534".to_owned(),
         Encoding::F32 => "f32, first hit as a fraction of the chord".to_owned(),
         other => format!("{other:?}"),
     };
-    let (codes, chords) = (field.codes(), field.grid().starts() * field.grid().chords_per_start());
+    let (codes, chords) = (table.codes(), table.grid().starts() * table.grid().chords_per_start());
     let hits = (0..chords).filter(|&index| codes.fraction(index).is_some()).count();
     let share = 100.0 * hits as f64 / f64::from(chords);
-    _ = writeln!(report, "\n{}", header.name);
     _ = writeln!(report, "  representation   {representation}");
     _ = writeln!(report, "  encoding         {encoding}");
-    _ = writeln!(report, "  table            {} bytes", HumanCount(header.table_bytes()));
-    _ = writeln!(report, "  bounds           {} in mesh units", bounds(&header.bounds));
-    _ = writeln!(report, "  triangles        {}", HumanCount(header.triangles.into()));
+    _ = writeln!(report, "  table            {} bytes", HumanCount(table.format().bytes()));
     _ = writeln!(report, "  chords that hit  {share:.1} %");
-    for (i, measured) in header.measured.iter().enumerate() {
-        let label = if i == 0 { "measured" } else { "" };
-        _ = writeln!(report, "  {label:<15}  {}", measured_line(measured));
-    }
 }
 
 /// One measurement in words.

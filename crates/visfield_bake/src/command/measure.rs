@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use indicatif::{DecimalBytes, HumanCount, ProgressBar, ProgressStyle};
+use visfield::QueryOptions;
 use visfield::estimate::sampling::DiscBasis;
 use visfield::field::lookup::Aim;
 use visfield::field::query::Bias;
-use visfield::{Encoding, QueryOptions};
 use visfield_bake::measure::ambient::AmbientSpeed;
 use visfield_bake::measure::paper2008::{Paper2008Question, paper2008};
 use visfield_bake::measure::picture::{Pictures, corner_pictures};
@@ -373,7 +373,7 @@ type Lines = Vec<(&'static str, String)>;
 fn ambient_table(m: &AmbientMeasurement) -> String {
     let mut lines = vec![
         ("mesh", format!("{}, {} triangles", m.mesh, HumanCount(m.triangles.into()))),
-        ("field", field_line(&m.representation, &m.size, m.encoding, &m.bounds)),
+        ("field", field_line(&m.representation, &m.size, &m.encoding, &m.bounds)),
         ("table", DecimalBytes(m.field_bytes).to_string()),
         ("bake", format!("{:.2} s, {}", m.bake_seconds, mega(m.bake_rays_per_second))),
         ("scene", format!("{}, {} receivers, lookups: {}", m.scene, HumanCount(m.receivers as u64), m.aim)),
@@ -391,7 +391,7 @@ fn shadow_table(m: &ShadowMeasurement) -> String {
     let (receivers, partly_lit) = (HumanCount(m.receivers as u64), HumanCount(m.partly_lit as u64));
     let mut lines = vec![
         ("mesh", format!("{}, {} triangles", m.mesh, HumanCount(m.triangles.into()))),
-        ("field", field_line(&m.representation, &m.size, m.encoding, &m.bounds)),
+        ("field", field_line(&m.representation, &m.size, &m.encoding, &m.bounds)),
         ("table", DecimalBytes(m.field_bytes).to_string()),
         ("bake", format!("{:.2} s, {}", m.bake_seconds, mega(m.bake_rays_per_second))),
         ("light", format!("angular radius {} rad", m.angular_radius)),
@@ -406,8 +406,8 @@ fn shadow_table(m: &ShadowMeasurement) -> String {
     in_columns(&lines)
 }
 
-fn field_line(representation: &str, size: &str, encoding: Encoding, bounds: &str) -> String {
-    format!("{representation} {size}, {}, {bounds}", encoding.name())
+fn field_line(representation: &str, size: &str, encoding: &str, bounds: &str) -> String {
+    format!("{representation} {size}, {encoding}, {bounds}")
 }
 
 fn rays_line(rays: u64, meeting: u64, occluded: f64) -> String {

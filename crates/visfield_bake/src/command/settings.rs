@@ -3,7 +3,7 @@
 use clap::{Args, ValueEnum};
 use visfield::field::MAX_SIDE;
 use visfield::field::directions::DirectionMap;
-use visfield::{Encoding, Representation};
+use visfield::{Encoding, Representation, TableFormat};
 use visfield_bake::{BakeSettings, BoundsKind};
 
 #[derive(Debug, Args)]
@@ -88,18 +88,16 @@ impl FieldArguments {
                 },
             },
         };
-        BakeSettings {
-            representation,
-            encoding: match self.encoding {
-                EncodingName::Bit => Encoding::Bit,
-                EncodingName::U8 => Encoding::U8,
-                EncodingName::U16 => Encoding::U16,
-                EncodingName::F32 => Encoding::F32,
-            },
-            bounds: match self.bounds {
-                BoundsName::Sphere => BoundsKind::Sphere,
-                BoundsName::Ellipsoid => BoundsKind::Ellipsoid,
-            },
-        }
+        let encoding = match self.encoding {
+            EncodingName::Bit => Encoding::Bit,
+            EncodingName::U8 => Encoding::U8,
+            EncodingName::U16 => Encoding::U16,
+            EncodingName::F32 => Encoding::F32,
+        };
+        let bounds = match self.bounds {
+            BoundsName::Sphere => BoundsKind::Sphere,
+            BoundsName::Ellipsoid => BoundsKind::Ellipsoid,
+        };
+        BakeSettings::of_table(TableFormat { representation, encoding }, bounds)
     }
 }

@@ -7,11 +7,11 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use visfield::estimate::Receiver;
 use visfield::field::lookup::Aim;
-use visfield::{BoundingEllipsoid, Encoding, QueryOptions, VisibilityField};
+use visfield::{BoundingEllipsoid, ChordTable, QueryOptions, VisibilityField};
 
 use super::scene::{MeasureScene, hemisphere_directions};
 use super::speed::{RaySet, gather_limit};
-use crate::bake::{BakeError, BakeSettings, bake};
+use crate::bake::{BakeError, BakeSettings, bake, table_of};
 use crate::exact::ExactScene;
 use crate::mesh::Mesh;
 use crate::triangles::TriangleBvh;
@@ -64,8 +64,8 @@ pub struct AmbientMeasurement {
     pub representation: String,
     /// The numbers of the representation, as 65² × 32².
     pub size: String,
-    /// How the table is encoded.
-    pub encoding: Encoding,
+    /// How the table is encoded: `bit`, `u8`, `u16` or `f32`.
+    pub encoding: String,
     /// `sphere` or `ellipsoid`.
     pub bounds: String,
     /// `point` or `plain`.
@@ -130,7 +130,13 @@ pub struct AmbientSpeed {
 
 impl AmbientSpeed {
     /// Times all rays, and those that meet the bounds.
-    pub(super) fn race(set: &RaySet, meeting: &RaySet, field: &VisibilityField, triangles: &TriangleBvh) -> Self {
+    pub(super) fn race(
+        set: &RaySet,
+        meeting: &RaySet,
+        field: &VisibilityField,
+        table: &ChordTable,
+        triangles: &TriangleBvh,
+    ) -> Self {
         let (field_seconds, bvh_seconds) = set.race(field, triangles);
         let (field_meeting, bvh_meeting) = meeting.race(field, triangles);
         Self {
@@ -138,7 +144,7 @@ impl AmbientSpeed {
             bvh_seconds,
             speedup: bvh_seconds / field_seconds,
             speedup_meeting_bounds: bvh_meeting / field_meeting,
-            gather_limit_lookups_per_second: gather_limit(field),
+            gather_limit_lookups_per_second: gather_limit(table),
             lookups_per_second: meeting.field.len() as f64 / field_meeting,
             bvh_rays_per_second: meeting.field.len() as f64 / bvh_meeting,
         }
@@ -148,7 +154,7 @@ impl AmbientSpeed {
 /// Bakes a mesh and measures ambient occlusion with it.
 ///
 /// # Errors
-/// [`BakeError`] if the mesh or the settings cannot be baked.
+/// [`BakeError`] if the mesh or the settings cannot be baked, or if they have no table.
 pub fn measure_ambient(mesh: &Mesh, question: &AmbientQuestion) -> Result<AmbientMeasurement, BakeError> {
     let start = Instant::now();
     let field = bake(mesh, &question.bake, |_| ())?;
@@ -162,12 +168,13 @@ pub fn measure_ambient(mesh: &Mesh, question: &AmbientQuestion) -> Result<Ambien
 /// The same with a field that is baked already.
 ///
 /// # Errors
-/// [`BakeError`] if the mesh cannot be baked.
+/// [`BakeError`] if the mesh cannot be baked, or if the field has no table.
 pub fn measure_ambient_of(
     mesh: &Mesh,
     field: &VisibilityField,
     question: &AmbientQuestion,
 ) -> Result<AmbientMeasurement, BakeError> {
+    let table = table_of(field)?;
     let mesh_error = |source| BakeError::Mesh { name: mesh.name.clone(), source };
     let receivers = question.scene.receivers(mesh).map_err(mesh_error)?;
     let exact_scene = ExactScene::of_mesh(mesh).map_err(mesh_error)?;
@@ -190,7 +197,7 @@ pub fn measure_ambient_of(
         })
         .collect();
 
-    let speed = question.speed.then(|| AmbientSpeed::race(&set, &meeting, field, triangles));
+    let speed = question.speed.then(|| AmbientSpeed::race(&set, &meeting, field, table, triangles));
     let header = field.header();
     let occluded: f64 = exact.iter().map(|&x| f64::from(x)).sum::<f64>() / exact.len() as f64;
     let against_same = Errors::of(&found, &exact);
@@ -199,12 +206,12 @@ pub fn measure_ambient_of(
         mesh: mesh.name.clone(),
         triangles: header.triangles,
         scene: question.scene,
-        representation: header.representation.name().to_owned(),
-        size: header.representation.to_string(),
-        encoding: header.encoding,
+        representation: table.representation().name().to_owned(),
+        size: table.representation().to_string(),
+        encoding: table.encoding().name().to_owned(),
         bounds: bounds_name(&header.bounds).to_owned(),
         aim: aim_name(question.options.aim).to_owned(),
-        field_bytes: header.table_bytes(),
+        field_bytes: table.format().bytes(),
         bake_seconds: 0.0,
         bake_rays_per_second: 0.0,
         receivers: receivers.len(),

@@ -27,7 +27,7 @@ impl<'a> Progress<'a> {
 
     /// Bakes, and counts the rays of it.
     pub(super) fn bake(&self, mesh: &Mesh, settings: &BakeSettings) -> Result<VisibilityField, BakeError> {
-        let doing = format!("baking {} of {}", settings.representation, mesh.name);
+        let doing = format!("baking {}: {settings}", mesh.name);
         bake(mesh, settings, |rays| self.add(rays, &doing))
     }
 }

@@ -8,12 +8,12 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use visfield::estimate::Receiver;
 use visfield::estimate::sampling::{DiscBasis, disc_samples};
-use visfield::{Encoding, QueryOptions, VisibilityField};
+use visfield::{QueryOptions, VisibilityField};
 
 use super::ambient::{AmbientSpeed, TRUTH_RAYS, aim_name, bounds_name, shares};
 use super::scene::{MeasureScene, pattern_turn};
 use super::speed::RaySet;
-use crate::bake::{BakeError, BakeSettings, bake};
+use crate::bake::{BakeError, BakeSettings, bake, table_of};
 use crate::exact::ExactScene;
 use crate::mesh::Mesh;
 
@@ -86,8 +86,8 @@ pub struct ShadowMeasurement {
     pub representation: String,
     /// The numbers of the representation, as 65² × 32².
     pub size: String,
-    /// How the table is encoded.
-    pub encoding: Encoding,
+    /// How the table is encoded: `bit`, `u8`, `u16` or `f32`.
+    pub encoding: String,
     /// `sphere` or `ellipsoid`.
     pub bounds: String,
     /// `point` or `plain`.
@@ -138,7 +138,7 @@ pub struct ShadowMeasurement {
 /// Bakes a mesh and measures a soft shadow with it.
 ///
 /// # Errors
-/// [`BakeError`] if the mesh or the settings cannot be baked.
+/// [`BakeError`] if the mesh or the settings cannot be baked, or if they have no table.
 pub fn measure_shadow(mesh: &Mesh, question: &ShadowQuestion) -> Result<ShadowMeasurement, BakeError> {
     let start = Instant::now();
     let field = bake(mesh, &question.bake, |_| ())?;
@@ -152,12 +152,13 @@ pub fn measure_shadow(mesh: &Mesh, question: &ShadowQuestion) -> Result<ShadowMe
 /// The same with a field that is baked already.
 ///
 /// # Errors
-/// [`BakeError`] if the mesh cannot be baked.
+/// [`BakeError`] if the mesh cannot be baked, or if the field has no table.
 pub fn measure_shadow_of(
     mesh: &Mesh,
     field: &VisibilityField,
     question: &ShadowQuestion,
 ) -> Result<ShadowMeasurement, BakeError> {
+    let table = table_of(field)?;
     let mesh_error = |source| BakeError::Mesh { name: mesh.name.clone(), source };
     let receivers = question.scene.receivers_by(mesh, SHADOW_SIDE).map_err(mesh_error)?;
     let exact_scene = ExactScene::of_mesh(mesh).map_err(mesh_error)?;
@@ -183,13 +184,13 @@ pub fn measure_shadow_of(
         mesh: mesh.name.clone(),
         triangles: header.triangles,
         scene: question.scene,
-        representation: header.representation.name().to_owned(),
-        size: header.representation.to_string(),
-        encoding: header.encoding,
+        representation: table.representation().name().to_owned(),
+        size: table.representation().to_string(),
+        encoding: table.encoding().name().to_owned(),
         bounds: bounds_name(&header.bounds).to_owned(),
         aim: aim_name(question.options.aim).to_owned(),
         angular_radius: question.angular_radius,
-        field_bytes: header.table_bytes(),
+        field_bytes: table.format().bytes(),
         bake_seconds: 0.0,
         bake_rays_per_second: 0.0,
         receivers: receivers.len(),
@@ -197,7 +198,7 @@ pub fn measure_shadow_of(
         rays: set.field.len() as u64,
         rays_meeting_bounds: meeting.field.len() as u64,
         occluded_fraction: exact.iter().map(|&x| f64::from(x)).sum::<f64>() / exact.len().max(1) as f64,
-        speed: question.speed.then(|| AmbientSpeed::race(&set, &meeting, field, triangles)),
+        speed: question.speed.then(|| AmbientSpeed::race(&set, &meeting, field, table, triangles)),
         rms_255: against_same.rms * 255.0,
         mean_abs: against_same.mean_abs,
         max_abs: against_same.max_abs,

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use glam::{DAffine3, DVec3, Vec3};
 use visfield::estimate::Receiver;
 use visfield::scene::Placement;
-use visfield::{QueryOptions, Ray, VisibilityField};
+use visfield::{ChordTable, QueryOptions, Ray, VisibilityField};
 
 use crate::triangles::{PreparedRay, TriangleBvh};
 
@@ -140,8 +140,8 @@ impl AskedField {
 }
 
 /// Random bytes of the table per second: what lookups with nothing to compute and no coherence would do.
-pub(super) fn gather_limit(field: &VisibilityField) -> f64 {
-    let bytes = field.table();
+pub(super) fn gather_limit(table: &ChordTable) -> f64 {
+    let bytes = table.bytes();
     // A multiplicative generator over the whole table; which one does not matter as long as nobody can predict it.
     let mut state = 0x9E37_79B9_7F4A_7C15_u64;
     let positions: Vec<u32> = (0..1 << 20)

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use visfield::field::directions::DirectionMap;
 use visfield::field::lookup::Aim;
-use visfield::{Encoding, QueryOptions, Representation, VisibilityField};
+use visfield::{Encoding, QueryOptions, Representation, TableFormat, VisibilityField};
 
 use super::ambient::{aim_name, bounds_name};
 use super::progress::Progress;
@@ -11,7 +11,7 @@ use super::reference::{OcclusionError, Reference};
 use super::scene::MeasureScene;
 use super::speed::RaySet;
 use super::table::{Cells, bytes, count, seconds};
-use crate::bake::{BakeError, BakeSettings};
+use crate::bake::{BakeError, BakeSettings, table_of};
 use crate::bounds::BoundsKind;
 use crate::mesh::Mesh;
 
@@ -146,17 +146,18 @@ pub fn tradeoff(mesh: &Mesh, sweep: &Sweep, progress: impl Fn(f64, &str) + Sync)
         // The same for all fields with these bounds.
         let mut sets = None;
         for &representation in &sweep.representations {
-            let best = progress.bake(mesh, &BakeSettings { representation, encoding: Encoding::F32, bounds })?;
+            let format = TableFormat { representation, encoding: Encoding::F32 };
+            let best = progress.bake(mesh, &BakeSettings::of_table(format, bounds))?;
             let sets = sets.get_or_insert_with(|| scenes.ray_sets(&best));
             if exact_seconds == 0.0 {
                 exact_seconds = scenes.corner.exact_seconds(&sets.corner);
                 triangles = best.header().triangles;
             }
             for &encoding in &sweep.encodings {
-                let field = best.with_encoding(encoding)?;
+                let field = best.clone().with_table(table_of(&best)?.with_encoding(encoding)?);
                 for &aim in aims(representation) {
                     sets.aim(aim);
-                    points.push(scenes.measure(sets, &field, aim));
+                    points.push(scenes.measure(sets, &field, TableFormat { encoding, ..format }, aim));
                     progress.add(work_per_point(scenes.corner.rays()), &format!("asking {representation}"));
                 }
             }
@@ -179,8 +180,9 @@ impl Sweep {
     /// In rays of a bake.
     fn work(&self, rays: u64) -> u64 {
         let of = |&representation: &Representation| {
-            let bake = BakeSettings { representation, ..BakeSettings::default() };
-            bake.rays() + (self.encodings.len() * aims(representation).len()) as u64 * work_per_point(rays)
+            // The number of chords is the same in every encoding.
+            let chords = TableFormat { representation, encoding: Encoding::F32 }.chords();
+            chords + (self.encodings.len() * aims(representation).len()) as u64 * work_per_point(rays)
         };
         self.bounds.len() as u64 * self.representations.iter().map(of).sum::<u64>()
     }
@@ -210,20 +212,19 @@ impl Scenes {
         Sets { corner, own }
     }
 
-    fn measure(&self, sets: &Sets, field: &VisibilityField, aim: Aim) -> TradeoffPoint {
-        let header = field.header();
+    fn measure(&self, sets: &Sets, field: &VisibilityField, format: TableFormat, aim: Aim) -> TradeoffPoint {
         let field_seconds = Reference::field_seconds(&sets.corner, field);
         TradeoffPoint {
-            representation: header.representation.name().to_owned(),
-            size: header.representation.to_string(),
-            encoding: header.encoding,
-            bounds: bounds_name(&header.bounds).to_owned(),
+            representation: format.representation.name().to_owned(),
+            size: format.representation.to_string(),
+            encoding: format.encoding,
+            bounds: bounds_name(&field.header().bounds).to_owned(),
             aim: aim_name(aim).to_owned(),
-            field_bytes: header.table_bytes(),
+            field_bytes: format.bytes(),
             field_seconds,
             rays_per_second: self.corner.rays() as f64 / field_seconds,
             corner: self.corner.error(&Reference::found(&sets.corner, field)),
-            own_surface: (header.encoding != Encoding::Bit)
+            own_surface: (format.encoding != Encoding::Bit)
                 .then(|| self.own.error(&Reference::found(&sets.own, field))),
             pareto: false,
         }
@@ -329,8 +330,8 @@ mod tests {
         };
         for representation in [two_point_of((9, 8)), hemisphere_of((50, 8))] {
             let bake = |encoding| {
-                let settings = BakeSettings { representation, encoding, ..BakeSettings::default() };
-                crate::bake::bake(&mesh, &settings, |_| ()).unwrap()
+                let settings = BakeSettings::of_table(TableFormat { representation, encoding }, BoundsKind::Sphere);
+                crate::bake::bake(&mesh, &settings, |_| ()).unwrap().table().unwrap().clone()
             };
             for encoding in Encoding::ALL {
                 assert!(

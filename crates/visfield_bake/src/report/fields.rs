@@ -1,7 +1,6 @@
 //! Single fields: ambient occlusion and soft shadows.
 
 use maud::{Markup, html};
-use visfield::Encoding;
 
 use super::plot::{Mark, Plot, Series};
 use super::{ReportEntry, pictures, table};
@@ -17,7 +16,7 @@ type Quantities = Vec<(&'static str, String)>;
 pub(super) fn ambient(m: &AmbientMeasurement, drawn: Option<&Pictures>) -> Markup {
     let mut all: Quantities = vec![
         ("mesh", format!("{}, {} triangles", m.mesh, count(m.triangles.into()))),
-        ("field", field(&m.representation, &m.size, m.encoding, &m.bounds)),
+        ("field", field(&m.representation, &m.size, &m.encoding, &m.bounds)),
         ("look-ups", m.aim.clone()),
         ("table", bytes(m.field_bytes)),
         ("bake", format!("{} s, {}", seconds(m.bake_seconds), mega(m.bake_rays_per_second))),
@@ -36,7 +35,7 @@ pub(super) fn shadow(m: &ShadowMeasurement, drawn: Option<&Pictures>) -> Markup 
     let mut all: Quantities = vec![
         ("mesh", format!("{}, {} triangles", m.mesh, count(m.triangles.into()))),
         ("light", format!("angular radius {:.4} rad", m.angular_radius)),
-        ("field", field(&m.representation, &m.size, m.encoding, &m.bounds)),
+        ("field", field(&m.representation, &m.size, &m.encoding, &m.bounds)),
         ("look-ups", m.aim.clone()),
         ("table", bytes(m.field_bytes)),
         ("bake", format!("{} s, {}", seconds(m.bake_seconds), mega(m.bake_rays_per_second))),
@@ -67,8 +66,8 @@ fn quantities(all: &Quantities) -> Markup {
     }
 }
 
-fn field(representation: &str, size: &str, encoding: Encoding, bounds: &str) -> String {
-    format!("{representation} {size}, {}, {bounds}", encoding.name())
+fn field(representation: &str, size: &str, encoding: &str, bounds: &str) -> String {
+    format!("{representation} {size}, {encoding}, {bounds}")
 }
 
 fn mega(rate: f64) -> String {
@@ -139,7 +138,7 @@ impl<'a> Compared<'a> {
                 mesh: &m.mesh,
                 angular_radius: None,
                 scene: m.scene,
-                field: field(&m.representation, &m.size, m.encoding, &m.bounds),
+                field: field(&m.representation, &m.size, &m.encoding, &m.bounds),
                 aim: &m.aim,
                 field_bytes: m.field_bytes,
                 rms_255: m.rms_255,
@@ -150,7 +149,7 @@ impl<'a> Compared<'a> {
                 mesh: &m.mesh,
                 angular_radius: Some(m.angular_radius),
                 scene: m.scene,
-                field: field(&m.representation, &m.size, m.encoding, &m.bounds),
+                field: field(&m.representation, &m.size, &m.encoding, &m.bounds),
                 aim: &m.aim,
                 field_bytes: m.field_bytes,
                 rms_255: m.rms_255,

@@ -42,14 +42,12 @@ fn bake_then_inspect() {
         assert!(report.contains(part), "{part:?} in {report}");
     }
     let fields = file::read(&folder.join("shape.vfield")).unwrap();
-    assert_eq!(
-        (fields.len(), fields[0].header().representation),
-        (1, Representation::TwoPoint { entries: 65, exits: 32 })
-    );
+    let table = fields[0].table().unwrap();
+    assert_eq!((fields.len(), table.representation()), (1, Representation::TwoPoint { entries: 65, exits: 32 }));
 
     let inspected = text(&visfield(folder, &["inspect", "shape.vfield"]).stdout);
     for part in
-        ["format version 2", "Mesh0/Primitive0", "65² entries × 32² exits", "u8", "4,326,400 bytes", "radius 1.73"]
+        ["format version 3", "Mesh0/Primitive0", "65² entries × 32² exits", "u8", "4,326,400 bytes", "radius 1.73"]
     {
         assert!(inspected.contains(part), "{part:?} in {inspected}");
     }

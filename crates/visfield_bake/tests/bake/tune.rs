@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use visfield::field::measured::{Measured, MeasuredScene, Purpose};
-use visfield::{Encoding, VisibilityField, file};
+use visfield::{Encoding, Representation, TableFormat, VisibilityField, file};
 use visfield_bake::measure::{AmbientQuestion, MeasureScene, ShadowQuestion, measure_ambient_of, measure_shadow_of};
 use visfield_bake::tune::{TuneError, TuneQuestion, TuneReceivers, TuneStep, Tuned, tune};
 use visfield_bake::{BakeSettings, BoundsKind, Mesh, read_meshes};
@@ -37,7 +37,7 @@ fn worst(field: &VisibilityField) -> f32 {
 #[test]
 fn only_what_is_required_is_stored() {
     let mesh = mesh("torus_knot");
-    let encoding = |question: TuneQuestion| tuned(&mesh, &question).settings.encoding;
+    let encoding = |question: TuneQuestion| tuned(&mesh, &question).settings.table.unwrap().encoding;
     assert_eq!(encoding(TuneQuestion { receivers: TuneReceivers::Others, ..SMALL }), Encoding::Bit);
     assert_eq!(encoding(TuneQuestion { receivers: TuneReceivers::Far, ..SMALL }), Encoding::Bit);
     assert_eq!(encoding(SMALL), Encoding::U8, "its own surface needs distances");
@@ -75,10 +75,10 @@ fn limits_are_met_when_measured_again() {
     let shadows = TuneQuestion { ambient: false, shadows: true, receivers: TuneReceivers::Others, ..SMALL };
     for (question, count) in [(SMALL, 2), (shadows, 1)] {
         let most_accurate = tuned(&mesh, &question);
-        assert!(most_accurate.field.table().len() <= 300_000);
+        assert!(most_accurate.field.bytes() <= 300_000);
         let max_rms = worst(&most_accurate.field) * 1.1;
         let cheapest = tuned(&mesh, &TuneQuestion { max_rms: Some(max_rms), ..question });
-        assert!(cheapest.field.table().len() <= most_accurate.field.table().len());
+        assert!(cheapest.field.bytes() <= most_accurate.field.bytes());
 
         let measured = &cheapest.field.header().measured;
         assert_eq!(measured.len(), count);
@@ -96,14 +96,15 @@ fn nothing_cheaper_is_good_enough() {
     let question = TuneQuestion { max_rms: Some(2.4), receivers: TuneReceivers::Others, max_bytes: None, ..SMALL };
     let chosen = tuned(&mesh, &question);
     assert!(worst(&chosen.field) <= 2.4);
-    let bytes = chosen.field.header().table_bytes();
+    let bytes = chosen.field.bytes();
     let mut tried = 0;
     for (entries, exits) in [(17, 16), (33, 16), (25, 24), (49, 24), (33, 32)] {
         for encoding in [Encoding::Bit, Encoding::U8] {
             for bounds in [BoundsKind::Sphere, BoundsKind::Ellipsoid] {
-                let settings = BakeSettings { encoding, bounds, ..BakeSettings::two_point(entries, exits) };
+                let representation = Representation::TwoPoint { entries, exits };
+                let settings = BakeSettings::of_table(TableFormat { representation, encoding }, bounds);
                 let field = visfield_bake::bake(&mesh, &settings, |_| ()).unwrap();
-                if field.header().table_bytes() < bytes {
+                if field.bytes() < bytes {
                     let rms = measured_again(&mesh, &field, &chosen.field.header().measured[0]).0;
                     assert!(rms > 2.4, "{settings} would have been enough: {rms}");
                     tried += 1;
@@ -119,7 +120,7 @@ fn what_cannot_be_met_is_said_with_what_could() {
     let mesh = mesh("torus_knot");
     let error = tune(&mesh, &TuneQuestion { max_rms: Some(0.001), ..SMALL }, |_| ()).unwrap_err();
     let TuneError::Missed { best, bytes, worst: least, .. } = &error else { panic!("{error}") };
-    assert_eq!(best.encoding, Encoding::U8);
+    assert_eq!(best.table.unwrap().encoding, Encoding::U8);
     assert!(*bytes <= 300_000);
     let message = error.to_string();
     let proposal: f32 = message.split("allow an RMS of ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
@@ -158,7 +159,7 @@ fn steps_add_up_and_units_do_not_matter() {
     .unwrap();
     let (tables, rays) = steps.into_inner().unwrap();
     assert_eq!(tables.len(), chosen.measured_tables);
-    let chords = |s: &BakeSettings| (s.representation.to_string(), s.bounds == BoundsKind::Sphere);
+    let chords = |s: &BakeSettings| (s.table.unwrap().representation.to_string(), s.bounds == BoundsKind::Sphere);
     let mut traced = tables.clone();
     traced.sort_by_key(chords);
     traced.dedup_by_key(|s| chords(s));
@@ -196,7 +197,7 @@ fn bake_with_limits_then_inspect() {
     let field = file::read(&folder.join("knot.vfield")).unwrap().remove(0);
     let [measured] = field.header().measured[..] else { panic!("{:?}", field.header().measured) };
     assert_eq!((measured.scene, measured.purpose), (MeasuredScene::Corner, Purpose::Ao { max_distance: None }));
-    assert!(measured.rms_255 > 0.0 && measured.rms_255 <= 5.0 && field.table().len() <= 300_000);
+    assert!(measured.rms_255 > 0.0 && measured.rms_255 <= 5.0 && field.bytes() <= 300_000);
     let line = format!("ao, on floor and walls around it: RMS {:.2}/255, mean error ", measured.rms_255);
     for part in ["Mesh0/Primitive0: 6,144 triangles", " in bit, ", "measured", &line, "knot.vfield: 1 field"] {
         assert!(report.contains(part), "{part:?} in {report}");

@@ -13,7 +13,7 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 use visfield::field::directions::DirectionMap;
 use visfield::field::lookup::Aim;
-use visfield::{Encoding, QueryOptions, Representation};
+use visfield::{Encoding, QueryOptions, Representation, TableFormat};
 
 pub use self::findings::Finding;
 pub use self::several::SeveralObjects;
@@ -22,7 +22,7 @@ use super::progress::Progress;
 use super::reference::{OcclusionError, Reference};
 use super::scene::MeasureScene;
 use super::speed::RaySet;
-use crate::bake::{BakeError, BakeSettings};
+use crate::bake::{BakeError, BakeSettings, table_of};
 use crate::bounds::BoundsKind;
 use crate::mesh::Mesh;
 
@@ -253,12 +253,13 @@ impl<'a> Bench<'a> {
         let start = Instant::now();
         let field = self.progress.bake(self.mesh, settings)?;
         let bake_seconds = start.elapsed().as_secs_f64();
+        let table = table_of(&field)?;
         let set = self.set.get_or_insert_with(|| self.reference.ray_set(&field, QueryOptions::default()));
         set.receivers.iter_mut().for_each(|(_, options)| options.aim = aim);
         let found = Reference::found(set, &field);
         let measured = FieldResult {
-            size: settings.representation.to_string(),
-            field_bytes: field.header().table_bytes(),
+            size: table.representation().to_string(),
+            field_bytes: table.format().bytes(),
             bake_seconds,
             ao_seconds: Reference::field_seconds(set, &field),
             error: self.reference.error(&found),
@@ -282,7 +283,7 @@ impl<'a> Bench<'a> {
 /// The paper's representation.
 fn hemisphere((positions, directions): Maps, map: DirectionMap, encoding: Encoding) -> BakeSettings {
     let representation = Representation::Hemisphere { positions, directions, map };
-    BakeSettings { representation, encoding, bounds: BoundsKind::Sphere }
+    BakeSettings::of_table(TableFormat { representation, encoding }, BoundsKind::Sphere)
 }
 
 /// As many bytes, or as near as a square of entries comes: 290 positions are 17² entries and one more.
