@@ -20,7 +20,8 @@ use flate2::{Compression, read::ZlibDecoder, write::ZlibEncoder};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::field::{ChordTable, FieldError, FieldHeader, FieldParts, TableFormat, VisibilityField};
+use crate::field::cap_grid::CapGridHeader;
+use crate::field::{CapGrid, ChordTable, FieldError, FieldHeader, FieldParts, TableFormat, VisibilityField};
 
 /// The first bytes of every `.vfield` file. The leading non-ASCII byte and the line break expose text-mode transfers.
 pub const MAGIC: [u8; 8] = *b"\x89VFIELD\n";
@@ -136,6 +137,8 @@ struct IndexEntry {
     header: FieldHeader,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     table: Option<PartEntry<TableFormat>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    cap_grid: Option<PartEntry<CapGridHeader>>,
 }
 
 /// A part in the index: what it is, and the length of its stream.
@@ -149,12 +152,15 @@ struct PartEntry<F> {
 /// The streams of a field's parts.
 struct FieldStreams<'a> {
     table: Option<&'a [u8]>,
+    cap_grid: Option<&'a [u8]>,
 }
 
 impl IndexEntry {
     fn take_streams<'a>(&self, rest: &mut &'a [u8]) -> Result<FieldStreams<'a>, DecodeError> {
         let table = self.table.as_ref().map(|part| take(rest, part.compressed_bytes, "a table")).transpose()?;
-        Ok(FieldStreams { table })
+        let cap_grid =
+            self.cap_grid.as_ref().map(|part| take(rest, part.compressed_bytes, "a cap grid")).transpose()?;
+        Ok(FieldStreams { table, cap_grid })
     }
 }
 
@@ -182,6 +188,9 @@ pub fn encode(fields: &[VisibilityField]) -> Vec<u8> {
             table: field
                 .table()
                 .map(|table| PartEntry { format: table.format(), compressed_bytes: store(table.bytes()) }),
+            cap_grid: field
+                .cap_grid()
+                .map(|grid| PartEntry { format: grid.header().clone(), compressed_bytes: store(&grid.bytes()) }),
         })
         .collect();
     let index = serde_json::to_vec(&index).expect("headers are plain data");
@@ -308,6 +317,11 @@ fn decode_field(entry: IndexEntry, streams: &FieldStreams) -> Result<VisibilityF
         format.validate().map_err(in_field)?;
         let bytes = decompressed(stream, "table", format.bytes())?;
         parts.table = Some(ChordTable::new(format, bytes).map_err(in_field)?);
+    }
+    if let (Some(PartEntry { format: header, .. }), Some(stream)) = (entry.cap_grid, streams.cap_grid) {
+        header.validate().map_err(in_field)?;
+        let bytes = decompressed(stream, "cap grid", header.format.bytes())?;
+        parts.cap_grid = Some(CapGrid::new(header, &bytes).map_err(in_field)?);
     }
     VisibilityField::new(entry.header, parts).map_err(in_field)
 }

@@ -39,6 +39,6 @@ pub mod scene;
 
 pub use field::query::{QueryOptions, Ray};
 pub use field::{
-    BoundingEllipsoid, ChordTable, Encoding, FieldError, FieldHeader, FieldParts, Representation, TableFormat,
-    VisibilityField,
+    BoundingEllipsoid, CapGrid, CapGridFormat, ChordTable, Encoding, FieldError, FieldHeader, FieldParts,
+    Representation, TableFormat, VisibilityField,
 };

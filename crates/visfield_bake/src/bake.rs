@@ -2,15 +2,17 @@
 
 use std::fmt;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use thiserror::Error;
 use visfield::field::encoding::Block;
 use visfield::{
-    ChordTable, Encoding, FieldError, FieldHeader, FieldParts, Representation, TableFormat, VisibilityField,
+    BoundingEllipsoid, CapGridFormat, ChordTable, Encoding, FieldError, FieldHeader, FieldParts, Representation,
+    TableFormat, VisibilityField,
 };
 
 use crate::bounds::{BoundsKind, bounds_of};
+use crate::cap_grid::{self, bake_cap_grid};
 use crate::mesh::{Mesh, MeshError};
 use crate::triangles::TriangleBvh;
 
@@ -23,6 +25,7 @@ use crate::triangles::TriangleBvh;
 /// let settings = BakeSettings {
 ///     table: Some(TableFormat { representation, encoding: Encoding::Bit }),
 ///     bounds: BoundsKind::Ellipsoid,
+///     cap_grid: None,
 /// };
 /// assert_eq!(settings.rays(), 33 * 33 * 64 * 64);
 /// ```
@@ -32,13 +35,15 @@ pub struct BakeSettings {
     pub bounds: BoundsKind,
     /// The table that answers rays; without one the field answers none.
     pub table: Option<TableFormat>,
+    /// The grid that answers ambient occlusion without rays.
+    pub cap_grid: Option<CapGridFormat>,
 }
 
 impl Default for BakeSettings {
-    /// 4.3 million chords, 4.3 MB before compression: 2010's 4226 × 32² maps (DESIGN §7). An odd side of the entries puts
-    /// cell centres on the axes.
+    /// A cap grid of 16 KiB, and a table of 4.3 million chords, 4.3 MB before compression: 2010's 4226 × 32² maps (DESIGN §7).
+    /// An odd side of the entries puts cell centres on the axes.
     fn default() -> Self {
-        Self::two_point(65, 32)
+        Self { cap_grid: Some(CapGridFormat::DEFAULT), ..Self::two_point(65, 32) }
     }
 }
 
@@ -49,9 +54,10 @@ impl fmt::Display for BakeSettings {
             BoundsKind::Ellipsoid => "ellipsoid",
         };
         if let Some(table) = &self.table {
-            write!(f, "{table}, ")?;
+            write!(f, "{table}, {bounds}")?;
         }
-        f.write_str(bounds)
+        let between = if self.table.is_some() { "; " } else { "" };
+        self.cap_grid.iter().try_for_each(|grid| write!(f, "{between}caps {grid}"))
     }
 }
 
@@ -62,14 +68,23 @@ impl BakeSettings {
         Self::of_table(TableFormat { representation, encoding: Encoding::U8 }, BoundsKind::Sphere)
     }
 
-    /// A table and nothing else.
-    pub const fn of_table(table: TableFormat, bounds: BoundsKind) -> Self {
-        Self { bounds, table: Some(table) }
+    /// A cap grid and nothing else.
+    pub const fn of_cap_grid(cap_grid: CapGridFormat) -> Self {
+        Self { bounds: BoundsKind::Sphere, table: None, cap_grid: Some(cap_grid) }
     }
 
-    /// Number of rays that a bake traces, one per chord of the table; 0 if the settings are out of range.
+    /// A table and nothing else.
+    pub const fn of_table(table: TableFormat, bounds: BoundsKind) -> Self {
+        Self { bounds, table: Some(table), cap_grid: None }
+    }
+
+    /// Number of rays that a bake traces: one per chord of the table, and up to so many for a cap grid; 0 if the settings are
+    /// out of range.
     pub fn rays(&self) -> u64 {
-        self.table.map_or(0, |table| table.chords())
+        if self.validate().is_err() {
+            return 0;
+        }
+        self.table.map_or(0, |table| table.chords()) + self.cap_grid.as_ref().map_or(0, cap_grid::rays)
     }
 
     /// Checks every number against its documented range, and that there is something to bake.
@@ -78,13 +93,18 @@ impl BakeSettings {
     /// use visfield::FieldError;
     /// use visfield_bake::BakeSettings;
     /// assert_eq!(BakeSettings::default().validate(), Ok(()));
-    /// assert_eq!(BakeSettings { table: None, ..BakeSettings::default() }.validate(), Err(FieldError::Empty));
+    /// let nothing = BakeSettings { table: None, cap_grid: None, ..BakeSettings::default() };
+    /// assert_eq!(nothing.validate(), Err(FieldError::Empty));
     /// ```
     ///
     /// # Errors
     /// [`FieldError`] names the first value that is out of range.
     pub fn validate(&self) -> Result<(), FieldError> {
-        self.table.ok_or(FieldError::Empty)?.validate()
+        if self.table.is_none() && self.cap_grid.is_none() {
+            return Err(FieldError::Empty);
+        }
+        self.table.as_ref().map_or(Ok(()), TableFormat::validate)?;
+        self.cap_grid.as_ref().map_or(Ok(()), CapGridFormat::validate)
     }
 }
 
@@ -115,7 +135,7 @@ pub enum BakeError {
 ///
 /// Each chord of the table goes from the centre of an entry cell to the centre of an exit cell; what is stored is the first
 /// hit as a fraction of it. `progress` is called now and then, from any thread, with the number of rays traced since the last
-/// call; the sum is [`BakeSettings::rays`].
+/// call; the sum is at most [`BakeSettings::rays`], and no less for a table alone.
 ///
 /// ```
 /// use visfield_bake::{BakeError, BakeSettings, Mesh, MeshError, bake};
@@ -130,7 +150,7 @@ pub fn bake(mesh: &Mesh, settings: &BakeSettings, progress: impl Fn(u64) + Sync)
     let mesh_error = |source| BakeError::Mesh { name: mesh.name.clone(), source };
     // Before anything that takes time.
     settings.validate()?;
-    let mut solid = mesh.solid_triangles().map_err(mesh_error)?;
+    let solid = mesh.solid_triangles().map_err(mesh_error)?;
     let header = FieldHeader {
         name: mesh.name.clone(),
         bounds: bounds_of(&solid, settings.bounds).map_err(mesh_error)?,
@@ -139,21 +159,23 @@ pub fn bake(mesh: &Mesh, settings: &BakeSettings, progress: impl Fn(u64) + Sync)
     };
     header.validate()?;
 
-    let field_from_mesh = header.bounds.field_from_mesh();
-    solid.iter_mut().flatten().for_each(|corner| *corner = field_from_mesh.transform_point3(*corner));
-    let triangles = TriangleBvh::new(&solid);
-    let table = settings.table.map(|format| trace_table(format, &triangles, &progress)).transpose()?;
-    Ok(VisibilityField::new(header, FieldParts { table })?)
+    let table = settings.table.map(|format| bake_table(&solid, &header.bounds, format, &progress)).transpose()?;
+    let cap_grid = settings.cap_grid.map(|format| bake_cap_grid(&solid, format, &progress)).transpose()?;
+    Ok(VisibilityField::new(header, FieldParts { table, cap_grid })?)
 }
 
-/// The table of triangles in field space.
-fn trace_table(
+/// The table of triangles in mesh space.
+fn bake_table(
+    triangles: &[[DVec3; 3]],
+    bounds: &BoundingEllipsoid,
     format: TableFormat,
-    triangles: &TriangleBvh,
     progress: &(impl Fn(u64) + Sync),
 ) -> Result<ChordTable, FieldError> {
+    let field_from_mesh = bounds.field_from_mesh();
+    let in_field: Vec<_> = triangles.iter().map(|t| t.map(|p| field_from_mesh.transform_point3(p))).collect();
+    let triangles = TriangleBvh::new(&in_field);
     let trace = |mut block: Block| {
-        block.fill(|start, end| first_hit_fraction(triangles, start, end));
+        block.fill(|start, end| first_hit_fraction(&triangles, start, end));
         progress(block.chords());
     };
     ChordTable::sample(format, |blocks| blocks.into_par_iter().for_each(trace))
@@ -219,9 +241,12 @@ mod tests {
 
     #[test]
     fn settings_without_a_part_are_refused_before_the_mesh_is_looked_at() {
-        let settings = BakeSettings { table: None, ..BakeSettings::default() };
+        let settings = BakeSettings { table: None, cap_grid: None, ..BakeSettings::default() };
         assert_eq!(bake(&Mesh::default(), &settings, |_| ()), Err(BakeError::Settings(FieldError::Empty)));
         assert_eq!((settings.rays(), settings.to_string()), (0, "sphere".to_owned()));
-        assert_eq!(BakeSettings::default().to_string(), "65\u{b2} \u{d7} 32\u{b2} in u8, sphere");
+        assert_eq!(
+            BakeSettings::default().to_string(),
+            "65\u{b2} \u{d7} 32\u{b2} in u8, sphere; caps 16\u{b3} in rgba8"
+        );
     }
 }

@@ -12,43 +12,12 @@ use std::f32::consts::{PI, TAU};
 
 use glam::{DVec3, Quat, Vec2, Vec3};
 use rayon::prelude::*;
-use visfield::FieldError;
-use visfield::field::cap_grid::{CapGrid, CapGridHeader, CapPrecision, Falloff, HarmonicOrder};
 use visfield::field::cap_grid::warp::storage_scale;
+use visfield::field::cap_grid::{CapGridHeader, Falloff};
+use visfield::{CapGrid, CapGridFormat, FieldError};
 
 use crate::triangles::TriangleBvh;
 use view::View;
-
-/// How a cap grid is baked.
-///
-/// ```
-/// use visfield_bake::CapGridSettings;
-/// let small = CapGridSettings { points: 8, ..CapGridSettings::default() };
-/// assert!(small.rays() < CapGridSettings::default().rays());
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct CapGridSettings {
-    /// Grid points along each axis, 4 to 64.
-    pub points: u32,
-    /// Harmonics per point.
-    pub order: HarmonicOrder,
-    /// How numbers are stored.
-    pub precision: CapPrecision,
-    /// How much a surface at a distance occludes.
-    pub falloff: Falloff,
-}
-
-impl Default for CapGridSettings {
-    /// 16³ points of four bytes, 16 KiB.
-    fn default() -> Self {
-        Self {
-            points: 16,
-            order: HarmonicOrder::default(),
-            precision: CapPrecision::default(),
-            falloff: Falloff::default(),
-        }
-    }
-}
 
 /// Rays per grid point that has to look all around, or at the whole mesh from near.
 const POINT_RAYS: u32 = 1024;
@@ -57,34 +26,29 @@ const FAR_RAYS: u32 = 256;
 /// From this number of points on, fitting makes no grid better.
 const FITTED_BELOW: u32 = 24;
 
-impl CapGridSettings {
-    /// Largest number of rays that a bake traces.
-    pub fn rays(&self) -> u64 {
-        let points = u64::from(self.points).pow(3) * u64::from(POINT_RAYS);
-        let fitted = if self.points < FITTED_BELOW { fit::rays(self.points) } else { 0 };
-        points + fitted + error::rays()
-    }
+/// Largest number of rays that a bake traces.
+pub(crate) fn rays(format: &CapGridFormat) -> u64 {
+    let points = u64::from(format.points).pow(3) * u64::from(POINT_RAYS);
+    let fitted = if format.points < FITTED_BELOW { fit::rays(format.points) } else { 0 };
+    points + fitted + error::rays()
 }
 
 /// Bakes the cap grid of triangles in mesh space. `progress` gets the number of rays traced since the last call, from any
-/// thread; the sum is at most [`CapGridSettings::rays`].
+/// thread; the sum is at most [`rays`].
 ///
 /// # Errors
 /// [`FieldError`] if a setting is out of range, or the box is too small or too large for single precision.
-pub fn bake_cap_grid(
+pub(crate) fn bake_cap_grid(
     triangles: &[[DVec3; 3]],
-    settings: &CapGridSettings,
+    format: CapGridFormat,
     progress: impl Fn(u64) + Sync,
 ) -> Result<CapGrid, FieldError> {
     let corners = triangles.as_flattened();
     let low = corners.iter().fold(DVec3::INFINITY, |low, p| low.min(*p));
     let high = corners.iter().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p));
-    let coefficients = settings.order.coefficients();
+    let coefficients = format.order.coefficients();
     let mut header = CapGridHeader {
-        points: settings.points,
-        order: settings.order,
-        precision: settings.precision,
-        falloff: settings.falloff,
+        format,
         center: ((low + high) * 0.5).as_vec3().to_array(),
         half_extents: ((high - low) * 0.5).as_vec3().to_array(),
         low: vec![0.0; coefficients],
@@ -106,7 +70,7 @@ pub fn bake_cap_grid(
             surroundings.view(position, rays, Quat::IDENTITY)
         })
         .collect();
-    if settings.points < FITTED_BELOW {
+    if format.points < FITTED_BELOW {
         fit::fit(&header, &surroundings, &mut points, &progress);
     } else {
         points.iter_mut().for_each(|view| view.scale(storage_scale(view.position)));
@@ -138,7 +102,7 @@ impl Surroundings {
             // A little more, so that rounding leaves no corner outside.
             radius: half_extents.length() * 1.001,
             half_extents,
-            falloff: header.falloff,
+            falloff: header.format.falloff,
             scale: header.scale(),
         }
     }

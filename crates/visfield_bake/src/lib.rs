@@ -28,7 +28,7 @@
 
 pub mod bake;
 pub mod bounds;
-pub mod cap_grid;
+mod cap_grid;
 pub mod exact;
 pub mod measure;
 pub mod mesh;
@@ -40,7 +40,6 @@ pub mod tune;
 
 pub use bake::{BakeError, BakeSettings, bake};
 pub use bounds::{BoundsKind, bounding_ellipsoid, bounding_sphere};
-pub use cap_grid::CapGridSettings;
 pub use exact::ExactScene;
 pub use mesh::{Mesh, MeshError};
 pub use read::{ReadError, read_meshes};

@@ -1,6 +1,7 @@
 //! Ambient occlusion and sun visibility at a point, by many rays against a [`Scene`]: the CPU twin of the frame's trace
 //! pass, and the estimator for anything that is not a pixel (light probes, gameplay).
 
+pub mod caps;
 pub mod frame;
 pub mod sampling;
 

@@ -24,6 +24,7 @@ use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+pub use cap_grid::{CapGrid, CapGridFormat};
 pub use encoding::Encoding;
 pub use table::{ChordTable, MAX_SIDE, MAX_TABLE_BYTES, Representation, TableFormat};
 
@@ -139,23 +140,33 @@ impl FieldHeader {
 pub struct FieldParts {
     /// Answers rays.
     pub table: Option<ChordTable>,
+    /// Answers ambient occlusion, without rays.
+    pub cap_grid: Option<CapGrid>,
 }
 
 impl From<ChordTable> for FieldParts {
     /// A table alone.
     fn from(table: ChordTable) -> Self {
-        Self { table: Some(table) }
+        Self { table: Some(table), ..Self::default() }
+    }
+}
+
+impl From<CapGrid> for FieldParts {
+    /// A cap grid alone.
+    fn from(cap_grid: CapGrid) -> Self {
+        Self { cap_grid: Some(cap_grid), ..Self::default() }
     }
 }
 
 impl FieldParts {
     /// Size of all parts in memory, in bytes.
     pub fn bytes(&self) -> u64 {
-        self.table.as_ref().map_or(0, |table| table.bytes().len() as u64)
+        let table = self.table.as_ref().map_or(0, |table| table.format().bytes());
+        table + self.cap_grid.as_ref().map_or(0, |grid| grid.header().format.bytes())
     }
 
     fn is_empty(&self) -> bool {
-        self.table.is_none()
+        self.table.is_none() && self.cap_grid.is_none()
     }
 }
 
@@ -172,7 +183,11 @@ pub enum FieldError {
         side: u32,
     },
     /// A cap grid has too few or too many points.
-    #[error("a cap grid of {points} points along each axis is outside {} to {}", cap_grid::MIN_POINTS, cap_grid::MAX_POINTS)]
+    #[error(
+        "a cap grid of {points} points along each axis is outside {} to {}",
+        cap_grid::MIN_POINTS,
+        cap_grid::MAX_POINTS
+    )]
     CapPoints {
         /// The number asked for.
         points: u32,
@@ -208,7 +223,7 @@ pub enum FieldError {
         found: u64,
     },
     /// There is no part.
-    #[error("a field needs a part that answers something; give it a table")]
+    #[error("a field needs a part that answers something; give it a table or a cap grid")]
     Empty,
 }
 
@@ -299,6 +314,11 @@ impl VisibilityField {
         self.parts.table.as_ref()
     }
 
+    /// The part that answers ambient occlusion without rays, if it has one.
+    pub fn cap_grid(&self) -> Option<&CapGrid> {
+        self.parts.cap_grid.as_ref()
+    }
+
     /// Size of all its parts in memory, in bytes.
     pub fn bytes(&self) -> u64 {
         self.parts.bytes()
@@ -308,6 +328,18 @@ impl VisibilityField {
     pub fn field_from_mesh(&self) -> Affine3A {
         self.header.bounds.field_from_mesh().as_affine3a()
     }
+}
+
+/// The cap grid of a ball of radius 1 around the origin, and no table.
+#[doc(hidden)]
+pub fn example_caps() -> VisibilityField {
+    let header = FieldHeader {
+        name: "ball".to_owned(),
+        bounds: BoundingEllipsoid::sphere([0.0; 3], 1.0),
+        triangles: 0,
+        measured: Vec::new(),
+    };
+    VisibilityField::new(header, cap_grid::example_ball().into()).expect("a ball's grid makes a valid field")
 }
 
 /// A ball of radius 1/2 around the origin, in closed form, for examples and tests.

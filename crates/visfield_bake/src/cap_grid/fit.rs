@@ -38,12 +38,12 @@ pub(super) fn fit(
     points: &mut [View],
     progress: &(impl Fn(u64) + Sync),
 ) {
-    fill_inside(header.points as usize, points);
+    fill_inside(header.format.points as usize, points);
     points.iter_mut().for_each(|view| view.scale(storage_scale(view.position)));
     let views = views(header, surroundings, progress);
     let warps = header.warps();
-    let rows: Vec<Row> = views.iter().map(|view| Row::new(&warps, header.points, view.position)).collect();
-    let fitted: Vec<Vec<f32>> = (0..header.order.coefficients())
+    let rows: Vec<Row> = views.iter().map(|view| Row::new(&warps, header.format.points, view.position)).collect();
+    let fitted: Vec<Vec<f32>> = (0..header.format.order.coefficients())
         .into_par_iter()
         .map(|i| {
             let start: Vec<f32> = points.iter().map(|view| view.coefficients[i]).collect();
@@ -66,7 +66,9 @@ fn fill_inside(side: usize, points: &mut [View]) {
         let (x, y, z) = (index % side, index / side % side, index / (side * side));
         let mut sum = [0.0; MAX_COEFFICIENTS];
         let mut count = 0.0;
-        for neighbor in around(z).flat_map(|z| around(y).flat_map(move |y| around(x).map(move |x| (z * side + y) * side + x))) {
+        for neighbor in
+            around(z).flat_map(|z| around(y).flat_map(move |y| around(x).map(move |x| (z * side + y) * side + x)))
+        {
             if let Some(seen) = &outside[neighbor] {
                 count += 1.0;
                 sum.iter_mut().zip(seen).for_each(|(sum, x)| *sum += x);
@@ -81,13 +83,13 @@ fn fill_inside(side: usize, points: &mut [View]) {
 /// What is seen from between the points, scaled for storage: evenly over the grid's cells, and just off the surface. None is
 /// inside the mesh.
 fn views(header: &CapGridHeader, surroundings: &Surroundings, progress: &(impl Fn(u64) + Sync)) -> Vec<View> {
-    let cells = (header.points as usize - 1).pow(3);
+    let cells = (header.format.points as usize - 1).pow(3);
     let warps = header.warps();
     let spread = (0..cells * PER_CELL).map(|index| {
         let u = in_cube(index) * 2.0 - 1.0;
         Vec3::from(array::from_fn(|axis| warps[axis].position(u[axis])))
     });
-    let cell = warps.map(|warp| warp.slope).into_iter().fold(0.0, f32::max) * 2.0 / (header.points - 1) as f32;
+    let cell = warps.map(|warp| warp.slope).into_iter().fold(0.0, f32::max) * 2.0 / (header.format.points - 1) as f32;
     let near = surroundings.near_surface(cells * AT_SURFACE_PER_CELL, OFF_SURFACE * cell);
     let positions: Vec<Vec3> = spread.chain(near).collect();
     positions
@@ -108,10 +110,14 @@ impl Surroundings {
     pub(super) fn near_surface(&self, count: usize, distance: f32) -> Vec<Vec3> {
         let mut total = 0.0;
         let area = |[a, b, c]: &[Vec3; 3]| f64::from((b - a).cross(c - a).length());
-        let ends: Vec<f64> = self.triangles.iter().map(|t| {
-            total += area(t);
-            total
-        }).collect();
+        let ends: Vec<f64> = self
+            .triangles
+            .iter()
+            .map(|t| {
+                total += area(t);
+                total
+            })
+            .collect();
         let at = |index: usize| {
             let along = (index as f64 + 0.5) / count as f64 * total;
             let [a, b, c] = self.triangles[ends.partition_point(|end| *end < along).min(ends.len() - 1)];

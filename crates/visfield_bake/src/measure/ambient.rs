@@ -42,7 +42,7 @@ pub struct AmbientQuestion {
 impl Default for AmbientQuestion {
     fn default() -> Self {
         Self {
-            bake: BakeSettings::default(),
+            bake: BakeSettings::two_point(65, 32),
             scene: MeasureScene::Corner,
             rays: 256,
             options: QueryOptions::default(),

@@ -50,7 +50,7 @@ pub struct ShadowQuestion {
 impl Default for ShadowQuestion {
     fn default() -> Self {
         Self {
-            bake: BakeSettings::default(),
+            bake: BakeSettings::two_point(65, 32),
             scene: MeasureScene::Corner,
             angular_radius: 0.05,
             rays: 64,

@@ -48,7 +48,7 @@ fn ahead(enter: f64, leave: f64) -> Option<(f64, f64)> {
 fn a_sphere_agrees_with_its_equation() {
     let (center, radius) = (dvec3(0.2, -0.1, 0.1), 0.5);
     let mesh = soup(&[sphere(center, radius), specks().to_vec()].concat());
-    let field = bake(&mesh, &BakeSettings::default(), |_| ()).unwrap();
+    let field = bake(&mesh, &BakeSettings::two_point(65, 32), |_| ()).unwrap();
     let errors = compare(&field, 20_000, |origin, direction| {
         let (a, b) = (direction.length_squared(), (origin - center).dot(direction));
         let discriminant = b * b - a * ((origin - center).length_squared() - radius * radius);
@@ -70,7 +70,7 @@ fn a_box_agrees_with_its_slabs_in_tiny_units_too() {
                 quad([corner(-1.0, -1.0, s), corner(1.0, -1.0, s), corner(1.0, 1.0, s), corner(-1.0, 1.0, s)]),
             ]
         });
-        let field = bake(&soup(faces.as_flattened().as_flattened()), &BakeSettings::default(), |_| ()).unwrap();
+        let field = bake(&soup(faces.as_flattened().as_flattened()), &BakeSettings::two_point(65, 32), |_| ()).unwrap();
         let errors = compare(&field, 20_000, |origin, direction| {
             let (a, b) = ((center - half - origin) / direction, (center + half - origin) / direction);
             let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
@@ -89,7 +89,7 @@ fn a_sheet_is_seen_from_both_sides() {
         .flat_map(|i| (0..8).map(move |j| (i, j)))
         .flat_map(|(i, j)| quad([corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)]))
         .collect();
-    let field = bake(&soup(&sheet), &BakeSettings::default(), |_| ()).unwrap();
+    let field = bake(&soup(&sheet), &BakeSettings::two_point(65, 32), |_| ()).unwrap();
     let errors = compare(&field, 20_000, |origin, direction| {
         let t = (0.1 - origin.y) / direction.y;
         let hit = origin + direction * t;
@@ -103,7 +103,8 @@ fn a_sheet_is_seen_from_both_sides() {
 fn segments_end_where_they_end() {
     // Rays from outside towards a sphere of radius 1/2, and segments that stop short of it or reach into it.
     let field =
-        bake(&soup(&[sphere(DVec3::ZERO, 0.5), specks().to_vec()].concat()), &BakeSettings::default(), |_| ()).unwrap();
+        bake(&soup(&[sphere(DVec3::ZERO, 0.5), specks().to_vec()].concat()), &BakeSettings::two_point(65, 32), |_| ())
+            .unwrap();
     let mut random = Random(7);
     let free = QueryOptions { bias: Bias::NONE, ..QueryOptions::default() };
     for _ in 0..1000 {

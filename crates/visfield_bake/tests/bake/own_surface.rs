@@ -24,7 +24,7 @@ fn receivers(mesh: &Mesh) -> Vec<Receiver> {
 /// Mean absolute error of ambient occlusion over a mesh's own surface, with a field of the default size.
 fn own_surface_error(mesh: &Mesh, bias: Bias) -> f64 {
     let mut scene = Scene::default();
-    let field = scene.add_field(bake(mesh, &BakeSettings::default(), |_| ()).unwrap());
+    let field = scene.add_field(bake(mesh, &BakeSettings::two_point(65, 32), |_| ()).unwrap());
     scene.instances.push(Instance::new(field, DAffine3::IDENTITY));
     let exact_scene = ExactScene::new(&[(mesh, DAffine3::IDENTITY)], DVec3::ZERO).unwrap();
     let settings = AmbientOcclusion { rays: RAYS, bias, ..AmbientOcclusion::default() };
@@ -76,7 +76,7 @@ fn boxes(corners: &[[[f32; 3]; 2]]) -> Mesh {
 /// The darkest of 21² receivers on the face y = 1 of a mesh, between −1 and 1 and scaled a little.
 fn darkest_on_top(mesh: &Mesh, max_distance: f32, scale: f64) -> f32 {
     let mut scene = Scene::default();
-    let field = scene.add_field(bake(mesh, &BakeSettings::default(), |_| ()).unwrap());
+    let field = scene.add_field(bake(mesh, &BakeSettings::two_point(65, 32), |_| ()).unwrap());
     scene.instances.push(Instance::new(field, DAffine3::IDENTITY));
     let settings = AmbientOcclusion { rays: RAYS, max_distance, ..AmbientOcclusion::default() };
     let at = |x: i32, z: i32| DVec3::new(f64::from(x) * 0.1, 1.0, f64::from(z) * 0.1) * scale;

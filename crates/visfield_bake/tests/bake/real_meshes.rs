@@ -17,7 +17,7 @@ fn a_bunny_agrees_with_exact_rays() {
     let Some(path) = shared_mesh("stanford-bunny.obj") else { return };
     let mesh = &read_meshes(&path).unwrap()[0];
     assert_eq!(mesh.indices.len(), 69_451);
-    let field = bake(mesh, &BakeSettings::default(), |_| ()).unwrap();
+    let field = bake(mesh, &BakeSettings::two_point(65, 32), |_| ()).unwrap();
     let errors = compare(&field, 20_000, exact_hits(mesh));
     // Measured: 0.026, 0.025, 0.020, 0.020.
     errors.assert_below("bunny", [0.035, 0.033, 0.026, 0.026]);
@@ -68,7 +68,7 @@ fn corner(center: DVec3, radius: f64, distance: f64) -> Vec<Receiver> {
 fn occlusion_and_shadow_in_a_corner_agree_with_exact_rays() {
     let Some(path) = shared_mesh("stanford-bunny.obj") else { return };
     let mesh = &read_meshes(&path).unwrap()[0];
-    let field = bake(mesh, &BakeSettings::default(), |_| ()).unwrap();
+    let field = bake(mesh, &BakeSettings::two_point(65, 32), |_| ()).unwrap();
     let bounds = field.header().bounds;
     // Far from the world's origin, turned and stretched: none of it may matter.
     let place = DAffine3::from_scale_rotation_translation(

@@ -1,6 +1,9 @@
 //! Many receivers against one grid at once. One receiver is a batch of one: there is no other way to read a grid.
 
-#![expect(clippy::needless_range_loop, reason = "lane by lane through several arrays: that is what becomes vector instructions")]
+#![expect(
+    clippy::needless_range_loop,
+    reason = "lane by lane through several arrays: that is what becomes vector instructions"
+)]
 
 use half::f16;
 
@@ -14,7 +17,7 @@ impl CapGrid {
     /// Four coefficients at each position, interpolated: those of `plane`, in cap space.
     #[inline(always)]
     pub(crate) fn plane_of<const N: usize>(&self, positions: &Vectors<N>, plane: usize) -> [[f32; N]; 4] {
-        let points = self.header.points;
+        let points = self.header.format.points;
         let (mut first, mut fraction, mut weight) = ([0; N], Vectors::<N>::ZERO, [0.0; N]);
         for lane in 0..N {
             let at = GridPoint::new(&self.warps, points, positions.get(lane));
@@ -23,12 +26,13 @@ impl CapGrid {
             weight[lane] = at.weight;
         }
         let mut four = [[0.0; N]; 4];
-        match self.header.precision {
+        match self.header.format.precision {
             CapPrecision::U8 => {
                 let words = self.corners::<N>(&first, self.first_word(plane), 1, 0);
                 for i in 0..4 {
                     // Interpolating bytes is interpolating what they stand for.
-                    let (low, step) = (self.header.low[plane * 4 + i], self.header.range[plane * 4 + i] * (1.0 / 255.0));
+                    let (low, step) =
+                        (self.header.low[plane * 4 + i], self.header.range[plane * 4 + i] * (1.0 / 255.0));
                     for lane in 0..N {
                         let byte = |corner: usize| ((words[corner][lane] >> (8 * i)) & 0xff) as f32;
                         four[i][lane] = (low + step * interpolate(byte, &fraction, lane)) * weight[lane];
@@ -39,7 +43,8 @@ impl CapGrid {
                 for i in 0..4 {
                     let words = self.corners::<N>(&first, self.first_word(plane), 2, i / 2);
                     for lane in 0..N {
-                        let half = |corner: usize| f16::from_bits((words[corner][lane] >> (16 * (i % 2))) as u16).to_f32();
+                        let half =
+                            |corner: usize| f16::from_bits((words[corner][lane] >> (16 * (i % 2))) as u16).to_f32();
                         four[i][lane] = interpolate(half, &fraction, lane) * weight[lane];
                     }
                 }
@@ -57,7 +62,7 @@ impl CapGrid {
         stride: usize,
         word: usize,
     ) -> [[u32; N]; CORNERS] {
-        let points = self.header.points as usize;
+        let points = self.header.format.points as usize;
         let words = &self.words[first_word + word..];
         let mut found = [[0; N]; CORNERS];
         for corner in 0..CORNERS {

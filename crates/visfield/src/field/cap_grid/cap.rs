@@ -132,7 +132,8 @@ mod tests {
         assert_eq!(occlusion(Vec4::ZERO), 0.0);
         let all = 4.0 * std::f32::consts::PI * Y0;
         assert!((occlusion(Vec4::new(all, 0.0, 0.0, 0.0)) - 1.0).abs() < 1e-5);
-        for strange in [Vec4::splat(f32::NAN), Vec4::splat(f32::MAX), Vec4::splat(-1.0), Vec4::new(0.0, 1.0, 2.0, 3.0)] {
+        for strange in [Vec4::splat(f32::NAN), Vec4::splat(f32::MAX), Vec4::splat(-1.0), Vec4::new(0.0, 1.0, 2.0, 3.0)]
+        {
             let occlusion = occlusion(strange);
             assert!((0.0..=1.0).contains(&occlusion), "{strange}: {occlusion}");
         }

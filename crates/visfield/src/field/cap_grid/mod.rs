@@ -14,16 +14,17 @@ pub mod cap;
 pub mod harmonics;
 pub mod warp;
 
+use std::fmt;
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
-use glam::{DAffine3, DVec3, Mat3, Vec3, Vec4};
+use glam::{DAffine3, Mat3, Vec3, Vec4};
 use half::f16;
 use serde::{Deserialize, Serialize};
 
-use super::FieldError;
 use super::lanes::Vectors;
-use cap::{Cap, above_cutoff, cap_occlusion};
+use super::{BoundingEllipsoid, FieldError};
+use cap::{Cap, cap_occlusion};
 use harmonics::MAX_COEFFICIENTS;
 use warp::{AxisWarp, storage_scale};
 
@@ -184,51 +185,29 @@ impl CapGridError {
     }
 }
 
-/// What a cap grid is, without its numbers.
+/// What is stored at how many points: also what a bake is asked for.
 ///
 /// ```
-/// use visfield::field::cap_grid::{CapGridHeader, CapPrecision, HarmonicOrder};
-/// let header = CapGridHeader { points: 16, ..CapGridHeader::example() };
-/// assert_eq!(header.bytes(), 16 * 1024);
+/// use visfield::CapGridFormat;
+/// assert_eq!(CapGridFormat::default().bytes(), 16 * 1024);
+/// assert_eq!(CapGridFormat { points: 8, ..CapGridFormat::default() }.to_string(), "8\u{b3} in rgba8");
 /// ```
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct CapGridHeader {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct CapGridFormat {
     /// Grid points along each axis, [`MIN_POINTS`] to [`MAX_POINTS`].
     pub points: u32,
     /// Harmonics per point.
     pub order: HarmonicOrder,
     /// How numbers are stored.
     pub precision: CapPrecision,
-    /// How hits were weighted.
+    /// How much a surface at a distance occludes.
     pub falloff: Falloff,
-    /// Centre of the mesh's bounding box, in mesh units.
-    pub center: [f32; 3],
-    /// Half the sides of that box, in mesh units; one of them at least is above 0.
-    pub half_extents: [f32; 3],
-    /// What an 8-bit 0 stands for, by coefficient; as many as there are coefficients.
-    pub low: Vec<f32>,
-    /// What 255 stands for, less `low`.
-    pub range: Vec<f32>,
-    /// What the grid was found to get wrong, if it was measured.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub error: Option<CapGridError>,
 }
 
-impl CapGridHeader {
-    #[doc(hidden)]
-    pub fn example() -> Self {
-        Self {
-            points: 8,
-            order: HarmonicOrder::One,
-            precision: CapPrecision::U8,
-            falloff: Falloff::None,
-            center: [0.0; 3],
-            half_extents: [1.0; 3],
-            low: vec![0.0; 4],
-            range: vec![1.0; 4],
-            error: None,
-        }
-    }
+impl CapGridFormat {
+    /// 16³ points of four bytes: 16 KiB.
+    pub const DEFAULT: Self =
+        Self { points: 16, order: HarmonicOrder::One, precision: CapPrecision::U8, falloff: Falloff::None };
 
     /// Size of the uncompressed grid in bytes.
     pub fn bytes(&self) -> u64 {
@@ -243,9 +222,72 @@ impl CapGridHeader {
         if !(MIN_POINTS..=MAX_POINTS).contains(&self.points) {
             return Err(FieldError::CapPoints { points: self.points });
         }
-        let coefficients = self.order.coefficients();
-        let sound = self.falloff.is_valid()
-            && self.center.iter().all(|x| x.is_finite())
+        if self.falloff.is_valid() { Ok(()) } else { Err(FieldError::CapGrid) }
+    }
+}
+
+impl Default for CapGridFormat {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+impl fmt::Display for CapGridFormat {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "{}\u{b3} in {}", self.points, self.precision.name())
+    }
+}
+
+/// What a cap grid is, without its numbers.
+///
+/// ```
+/// use visfield::field::cap_grid::CapGridHeader;
+/// let around_two_units: CapGridHeader = CapGridHeader { half_extents: [1.0; 3], ..CapGridHeader::default() };
+/// assert_eq!(around_two_units.validate(), Ok(()));
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CapGridHeader {
+    /// What is stored at how many points.
+    #[serde(flatten)]
+    pub format: CapGridFormat,
+    /// Centre of the mesh's bounding box, in mesh units.
+    pub center: [f32; 3],
+    /// Half the sides of that box, in mesh units; one of them at least is above 0.
+    pub half_extents: [f32; 3],
+    /// What an 8-bit 0 stands for, by coefficient; as many as there are coefficients.
+    pub low: Vec<f32>,
+    /// What 255 stands for, less `low`.
+    pub range: Vec<f32>,
+    /// What the grid was found to get wrong, if it was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<CapGridError>,
+}
+
+impl Default for CapGridHeader {
+    /// In the default format, around a box from −1 to 1, with numbers from 0 to 1.
+    fn default() -> Self {
+        let format = CapGridFormat::DEFAULT;
+        let coefficients = format.order.coefficients();
+        Self {
+            format,
+            center: [0.0; 3],
+            half_extents: [1.0; 3],
+            low: vec![0.0; coefficients],
+            range: vec![1.0; coefficients],
+            error: None,
+        }
+    }
+}
+
+impl CapGridHeader {
+    /// Checks every number against its documented range.
+    ///
+    /// # Errors
+    /// [`FieldError::CapPoints`] or [`FieldError::CapGrid`].
+    pub fn validate(&self) -> Result<(), FieldError> {
+        self.format.validate()?;
+        let coefficients = self.format.order.coefficients();
+        let sound = self.center.iter().all(|x| x.is_finite())
             && self.half_extents.iter().all(|x| x.is_finite() && *x >= 0.0)
             && self.scale().is_normal()
             && self.scale().recip().is_normal()
@@ -265,21 +307,26 @@ impl CapGridHeader {
         Vec3::from(self.half_extents) / self.scale()
     }
 
+    /// The sphere that is the unit sphere of cap space. It is as large as the box's largest side, and so does not hold its
+    /// corners.
+    pub fn cap_space(&self) -> BoundingEllipsoid {
+        BoundingEllipsoid::sphere(self.center, self.scale())
+    }
+
     /// The map from cap space to mesh space.
     pub fn mesh_from_cap(&self) -> DAffine3 {
-        let center = DVec3::from(self.center.map(f64::from));
-        DAffine3::from_scale_rotation_translation(DVec3::splat(self.scale().into()), glam::DQuat::IDENTITY, center)
+        self.cap_space().mesh_from_field()
     }
 
     /// The warp of each axis.
     pub fn warps(&self) -> [AxisWarp; 3] {
-        self.half_extents_in_cap_space().to_array().map(|half_extent| AxisWarp::new(half_extent, self.points))
+        self.half_extents_in_cap_space().to_array().map(|half_extent| AxisWarp::new(half_extent, self.format.points))
     }
 
     /// Where the grid's points lie in cap space, x running fastest.
     pub fn positions(&self) -> Vec<Vec3> {
         let warps = self.warps();
-        let n = self.points;
+        let n = self.format.points;
         let along = |axis: usize, i: u32| warps[axis].position(2.0 * i as f32 / (n - 1) as f32 - 1.0);
         let row = |y, z| (0..n).map(move |x| Vec3::new(along(0, x), along(1, y), along(2, z)));
         (0..n).flat_map(|z| (0..n).flat_map(move |y| row(y, z))).collect()
@@ -287,7 +334,7 @@ impl CapGridHeader {
 
     /// The four numbers from which ambient occlusion is taken: words of the first plane.
     fn words_per_plane(&self) -> usize {
-        (self.points as usize).pow(3) * self.precision.bytes()
+        (self.format.points as usize).pow(3) * self.format.precision.bytes()
     }
 }
 
@@ -315,10 +362,10 @@ impl CapGrid {
     /// numbers, little-endian.
     ///
     /// # Errors
-    /// [`FieldError`] if a number is out of range or the length is not [`CapGridHeader::bytes`].
+    /// [`FieldError`] if a number is out of range or the length is not [`CapGridFormat::bytes`].
     pub fn new(header: CapGridHeader, bytes: &[u8]) -> Result<Self, FieldError> {
         header.validate()?;
-        let (expected, found) = (header.bytes(), bytes.len() as u64);
+        let (expected, found) = (header.format.bytes(), bytes.len() as u64);
         if expected != found {
             return Err(FieldError::TableLength { expected, found });
         }
@@ -333,17 +380,17 @@ impl CapGrid {
     /// # Errors
     /// [`FieldError`] if a number is out of range, or there are not as many points as the header says.
     pub fn encode(mut header: CapGridHeader, scaled: &[[f32; MAX_COEFFICIENTS]]) -> Result<Self, FieldError> {
-        let count = header.order.coefficients();
+        let count = header.format.order.coefficients();
         let ends = |i: usize| {
             let values = scaled.iter().map(|point| point[i]);
             values.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
         };
         (header.low, header.range) = (0..count).map(ends).map(|(low, high)| (low, high - low)).unzip();
-        let mut bytes = Vec::with_capacity(header.bytes() as usize);
+        let mut bytes = Vec::with_capacity(header.format.bytes() as usize);
         for plane in (0..count).step_by(4) {
             for point in scaled {
                 for i in plane..plane + 4 {
-                    match header.precision {
+                    match header.format.precision {
                         CapPrecision::U8 => {
                             let share = (point[i] - header.low[i]) / header.range[i].max(f32::MIN_POSITIVE);
                             bytes.push((share * 255.0).round() as u8);
@@ -366,6 +413,11 @@ impl CapGrid {
         &self.words
     }
 
+    /// The same as bytes, as [`CapGrid::new`] takes them.
+    pub fn bytes(&self) -> Vec<u8> {
+        self.words.iter().flat_map(|word| word.to_le_bytes()).collect()
+    }
+
     /// The warp of each axis.
     pub fn warps(&self) -> &[AxisWarp; 3] {
         &self.warps
@@ -379,7 +431,7 @@ impl CapGrid {
     /// All harmonics; those of bands that are not stored are 0.
     pub fn all_harmonics(&self, position: Vec3) -> [f32; MAX_COEFFICIENTS] {
         let mut all = [0.0; MAX_COEFFICIENTS];
-        for plane in 0..self.header.order.coefficients() / 4 {
+        for plane in 0..self.header.format.order.coefficients() / 4 {
             all[plane * 4..][..4].copy_from_slice(&self.plane(position, plane).to_array());
         }
         all
@@ -438,11 +490,7 @@ impl GridPoint {
         let beyond = position.abs() / extent;
         let pull = 1.0 / beyond.x.max(beyond.y).max(beyond.z).max(1.0);
         let pulled = position * pull;
-        let [x, y, z] = [
-            warps[0].coordinate(pulled.x),
-            warps[1].coordinate(pulled.y),
-            warps[2].coordinate(pulled.z),
-        ];
+        let [x, y, z] = [warps[0].coordinate(pulled.x), warps[1].coordinate(pulled.y), warps[2].coordinate(pulled.z)];
         let last = (points - 1) as f32;
         let grid = ((Vec3::new(x, y, z) + 1.0) * (0.5 * last)).clamp(Vec3::ZERO, Vec3::splat(last));
         let first = grid.floor().min(Vec3::splat(last - 1.0));
@@ -457,8 +505,7 @@ impl GridPoint {
     }
 }
 
-/// From directions of the world to cap space, as far as they can be kept: with its lengths normalised, and how far it is from
-/// a rotation with mirroring, 0 (exactly one) and up.
+/// How far a linear map is from an even scale with a rotation or mirroring: 0 (it is one) and up.
 pub fn stretch(linear: Mat3) -> f32 {
     let gram = linear.transpose() * linear;
     let mean = (gram.x_axis.x + gram.y_axis.y + gram.z_axis.z) / 3.0;
@@ -469,7 +516,7 @@ pub fn stretch(linear: Mat3) -> f32 {
 /// A ball of radius 1 around the origin, sampled in closed form, for examples and tests.
 #[doc(hidden)]
 pub fn example_ball() -> CapGrid {
-    ball(CapGridHeader { points: 16, ..CapGridHeader::example() })
+    ball(CapGridHeader::default())
 }
 
 /// A ball of radius 1 around the origin.
@@ -499,13 +546,17 @@ mod tests {
     #[test]
     fn a_ball_hides_its_share_at_any_distance() {
         for (order, precision) in [(HarmonicOrder::One, CapPrecision::U8), (HarmonicOrder::Three, CapPrecision::F16)] {
-            let grid = ball(CapGridHeader { points: 16, order, precision, ..CapGridHeader::example() });
+            let format = CapGridFormat { order, precision, ..CapGridFormat::DEFAULT };
+            let grid = ball(CapGridHeader { format, ..CapGridHeader::default() });
             for distance in [1.5_f32, 2.0, 4.0, 5.5, 8.0, 30.0, 1e4, 1e20] {
                 for direction in sphere_samples(50) {
                     let occlusion = grid.ambient_occlusion(direction * distance, -direction);
                     let exact = distance.powi(-2);
                     let tolerance = 0.06 * exact.sqrt().min(0.5) + 0.1 * exact;
-                    assert!((occlusion - exact).abs() <= tolerance.max(1e-20), "{distance}: {occlusion}, exactly {exact}");
+                    assert!(
+                        (occlusion - exact).abs() <= tolerance.max(1e-20),
+                        "{distance}: {occlusion}, exactly {exact}"
+                    );
                     assert!(grid.ambient_occlusion(direction * distance, direction) < 0.03);
                 }
             }
@@ -528,10 +579,11 @@ mod tests {
 
     #[test]
     fn forged_headers_are_refused() {
-        let sound = CapGridHeader::example();
+        let sound = CapGridHeader::default();
+        let with_format = |format| CapGridHeader { format, ..sound.clone() };
         assert!(sound.validate().is_ok());
         for points in [0, 3, 65, u32::MAX] {
-            let forged = CapGridHeader { points, ..sound.clone() };
+            let forged = with_format(CapGridFormat { points, ..CapGridFormat::DEFAULT });
             assert!(matches!(forged.validate(), Err(FieldError::CapPoints { .. })));
         }
         let mut forged = vec![
@@ -541,12 +593,18 @@ mod tests {
             CapGridHeader { center: [f32::INFINITY; 3], ..sound.clone() },
             CapGridHeader { low: vec![0.0; 3], ..sound.clone() },
             CapGridHeader { range: vec![f32::NAN; 4], ..sound.clone() },
-            CapGridHeader { order: HarmonicOrder::Three, ..sound.clone() },
+            with_format(CapGridFormat { order: HarmonicOrder::Three, ..CapGridFormat::DEFAULT }),
             CapGridHeader { error: Some(CapGridError { outside: f32::NAN, inside: 0.0 }), ..sound.clone() },
         ];
         for number in [0.0, -1.0, f32::NAN, f32::INFINITY] {
-            forged.push(CapGridHeader { falloff: Falloff::Linear { distance: number }, ..sound.clone() });
-            forged.push(CapGridHeader { falloff: Falloff::Exponential { tau: number }, ..sound.clone() });
+            forged.push(with_format(CapGridFormat {
+                falloff: Falloff::Linear { distance: number },
+                ..CapGridFormat::DEFAULT
+            }));
+            forged.push(with_format(CapGridFormat {
+                falloff: Falloff::Exponential { tau: number },
+                ..CapGridFormat::DEFAULT
+            }));
         }
         for forged in forged {
             assert_eq!(forged.validate(), Err(FieldError::CapGrid), "{forged:?}");

@@ -1,0 +1,425 @@
+//! Ambient occlusion of many objects by their [cap grids](crate::field::cap_grid): no rays, and no noise.
+//!
+//! Twin of `shaders/caps.wgsl`, function by function.
+
+#![expect(
+    clippy::needless_range_loop,
+    reason = "lane by lane through several arrays: that is what becomes vector instructions"
+)]
+
+use glam::{Affine3A, DVec3, Vec3, Vec4};
+use pulp::{Arch, NullaryFnOnce};
+
+use super::sampling::sphere_samples;
+use super::{Receiver, cosine_direction};
+use crate::field::cap_grid::cap::{CUTOFF, Cap, above_cutoff, cap_occlusion};
+use crate::field::cap_grid::{CapGrid, stretch};
+use crate::field::lanes::Vectors;
+use crate::scene::{Placement, Scene};
+
+/// How the occlusion of several objects adds up.
+///
+/// ```
+/// use visfield::estimate::caps::CapCombination;
+/// assert_eq!(CapCombination::default(), CapCombination::SoftCaps { directions: 8 });
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum CapCombination {
+    /// The product of visibilities, as if objects hid each other by chance. Cheapest, and the largest error where several
+    /// stand in the same direction.
+    Product,
+    /// Each object's cap over a few directions of the hemisphere, in which visibilities multiply.
+    SoftCaps {
+        /// Number of directions: 8, or 16 for a little more accuracy; others become the nearer of the two.
+        directions: u32,
+    },
+}
+
+impl Default for CapCombination {
+    fn default() -> Self {
+        Self::SoftCaps { directions: 8 }
+    }
+}
+
+/// Most directions of [`CapCombination::SoftCaps`].
+pub const MAX_DIRECTIONS: usize = 16;
+
+impl CapCombination {
+    /// How many directions are looked along: where objects are stretched, also by [`Product`](Self::Product).
+    pub fn directions(self) -> usize {
+        match self {
+            Self::SoftCaps { directions: 12.. } => MAX_DIRECTIONS,
+            _ => MAX_DIRECTIONS / 2,
+        }
+    }
+}
+
+/// How ambient occlusion is taken from cap grids.
+///
+/// ```
+/// use visfield::estimate::caps::CapSettings;
+/// let nearby = CapSettings { max_distance: 5.0, ..CapSettings::default() };
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CapSettings {
+    /// How several objects add up.
+    pub combination: CapCombination,
+    /// Objects fade out as their bounding sphere leaves this distance, in world units. Infinity counts all. A grid holds one
+    /// object as a whole: below the size of objects this is coarse, and a [falloff](crate::field::cap_grid::Falloff) that is
+    /// baked in is better.
+    pub max_distance: f32,
+}
+
+impl Default for CapSettings {
+    fn default() -> Self {
+        Self { combination: CapCombination::default(), max_distance: f32::INFINITY }
+    }
+}
+
+/// What a receiver gets from all objects.
+///
+/// ```
+/// let lit = visfield::estimate::caps::CapAmbient::UNOCCLUDED;
+/// assert_eq!(lit.occlusion, 0.0);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CapAmbient {
+    /// The cosine-weighted share of the hemisphere that is hidden, 0 to 1.
+    pub occlusion: f32,
+    /// The mean direction of what is not hidden, for specular occlusion: a unit vector of the world, the normal itself where
+    /// nothing or all is hidden, and the zero vector for a receiver without a normal.
+    pub bent_normal: Vec3,
+}
+
+impl CapAmbient {
+    /// Nothing is hidden.
+    pub const UNOCCLUDED: Self = Self { occlusion: 0.0, bent_normal: Vec3::ZERO };
+}
+
+/// A cap grid as receivers see it, relative to some origin.
+///
+/// ```
+/// use glam::{DAffine3, DVec3, Vec3, dvec3};
+/// use visfield::estimate::caps::CapPlacement;
+/// # let grid = visfield::field::cap_grid::example_ball();
+/// let mirrored = CapPlacement::new(&grid, DAffine3::from_scale(dvec3(2.0, -2.0, 2.0)), DVec3::ZERO).unwrap();
+/// assert!(mirrored.stretched < 1e-6);
+/// assert_eq!(mirrored.cap_from_world.transform_point3(Vec3::Y * 4.0), Vec3::Y * -2.0);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CapPlacement {
+    /// From the world relative to the origin to cap space.
+    pub cap_from_world: Affine3A,
+    /// 0 for instances that are turned, moved, mirrored and scaled evenly, for which a grid is exact; up to 1 for those whose
+    /// scale is uneven, which are looked at along a few directions.
+    pub stretched: f32,
+}
+
+/// Deviation from an even scale at which an instance counts as stretched altogether.
+const FULLY_STRETCHED: f32 = 0.2;
+
+impl CapPlacement {
+    /// Places a grid; `None` where [`Placement::new`] gives none.
+    pub fn new(grid: &CapGrid, world_from_mesh: glam::DAffine3, origin: DVec3) -> Option<Self> {
+        let cap_from_world = Placement::new(&grid.header().cap_space(), world_from_mesh, origin)?.field_from_world;
+        let stretched = (stretch(cap_from_world.matrix3.into()) / FULLY_STRETCHED).min(1.0);
+        Some(Self { cap_from_world, stretched })
+    }
+}
+
+/// An instance with a cap grid.
+#[derive(Clone, Copy, Debug)]
+pub struct CapOccluder<'a> {
+    /// Its bounding sphere, to cull by.
+    pub placement: Placement,
+    /// Its grid's place.
+    pub cap: CapPlacement,
+    /// The grid.
+    pub grid: &'a CapGrid,
+}
+
+/// A scene's cap grids, placed: ask it for the ambient occlusion of as many receivers as you like.
+///
+/// ```
+/// use glam::{DAffine3, DVec3, Vec3, dvec3};
+/// use visfield::estimate::{Receiver, caps::{CapAmbient, CapScene, CapSettings}};
+/// use visfield::scene::{Instance, Scene};
+/// # let field = visfield::field::example_caps();
+/// let mut scene = Scene::default();
+/// let id = scene.add_field(field); // of a ball of radius 1
+/// scene.instances.push(Instance::new(id, DAffine3::from_translation(dvec3(0.0, 2.0, 0.0))));
+/// let caps = CapScene::new(&scene, DVec3::ZERO);
+/// let receivers = [0.0, 100.0].map(|x| Receiver { position: dvec3(x, 0.0, 0.0), normal: Vec3::Y });
+/// let mut ambient = [CapAmbient::UNOCCLUDED; 2];
+/// caps.ambient_batch(&receivers, &CapSettings::default(), &mut ambient);
+/// assert!((ambient[0].occlusion - 0.25).abs() < 0.02 && ambient[1].occlusion == 0.0);
+/// ```
+#[derive(Debug)]
+pub struct CapScene<'a> {
+    origin: DVec3,
+    occluders: Vec<CapOccluder<'a>>,
+}
+
+/// Receivers of a block.
+const LANES: usize = 64;
+
+impl<'a> CapScene<'a> {
+    /// Places the instances whose field has a cap grid relative to `origin`, leaving out those whose transform is not
+    /// invertible. Choose a point near the receivers: they are seen in single precision.
+    pub fn new(scene: &'a Scene, origin: DVec3) -> Self {
+        let placed = scene.place_indexed(origin).filter_map(|(index, placement, field)| {
+            let grid = field.cap_grid()?;
+            let cap = CapPlacement::new(grid, scene.instances[index].world_from_mesh, origin)?;
+            Some(CapOccluder { placement, cap, grid })
+        });
+        Self { origin, occluders: placed.collect() }
+    }
+
+    /// What one receiver gets.
+    pub fn ambient(&self, receiver: &Receiver, settings: &CapSettings) -> CapAmbient {
+        let position = (receiver.position - self.origin).as_vec3();
+        ambient(&self.occluders, position, receiver.normal, settings)
+    }
+
+    /// What many receivers get, the same bit for bit and several times faster.
+    ///
+    /// # Panics
+    /// If there are not as many answers as receivers.
+    pub fn ambient_batch(&self, receivers: &[Receiver], settings: &CapSettings, answers: &mut [CapAmbient]) {
+        assert_eq!(receivers.len(), answers.len(), "one answer per receiver");
+        let work = Work { scene: self, receivers, settings, answers };
+        match settings.combination {
+            CapCombination::Product => Arch::new().dispatch(Combined::<_, 8, false>(work)),
+            CapCombination::SoftCaps { directions: 12.. } => Arch::new().dispatch(Combined::<_, 16, true>(work)),
+            CapCombination::SoftCaps { .. } => Arch::new().dispatch(Combined::<_, 8, true>(work)),
+        }
+    }
+}
+
+/// What one receiver gets, relative to the origin that the occluders were placed by.
+pub fn ambient(occluders: &[CapOccluder], position: Vec3, normal: Vec3, settings: &CapSettings) -> CapAmbient {
+    let one = |v: Vec3| {
+        let mut one = Vectors::<1>::ZERO;
+        one.set(0, v);
+        one
+    };
+    let (positions, normals) = (one(position), one(normal));
+    let [answer] = match settings.combination {
+        CapCombination::Product => block::<1, 8, false>(occluders, &positions, &normals, settings),
+        CapCombination::SoftCaps { directions: 12.. } => {
+            block::<1, 16, true>(occluders, &positions, &normals, settings)
+        }
+        CapCombination::SoftCaps { .. } => block::<1, 8, true>(occluders, &positions, &normals, settings),
+    };
+    answer
+}
+
+struct Work<'a> {
+    scene: &'a CapScene<'a>,
+    receivers: &'a [Receiver],
+    settings: &'a CapSettings,
+    answers: &'a mut [CapAmbient],
+}
+
+/// Work that is to be compiled for each kind of processor: over K directions, and whether objects are combined in each.
+struct Combined<W, const K: usize, const SOFT: bool>(W);
+
+impl<const K: usize, const SOFT: bool> NullaryFnOnce for Combined<Work<'_>, K, SOFT> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Work { scene, receivers, settings, answers } = self.0;
+        for (receivers, answers) in receivers.chunks(LANES).zip(answers.chunks_mut(LANES)) {
+            let (mut positions, mut normals) = (Vectors::<LANES>::ZERO, Vectors::<LANES>::ZERO);
+            for (lane, receiver) in receivers.iter().enumerate() {
+                positions.set(lane, (receiver.position - scene.origin).as_vec3());
+                normals.set(lane, receiver.normal);
+            }
+            let found = block::<LANES, K, SOFT>(&scene.occluders, &positions, &normals, settings);
+            answers.copy_from_slice(&found[..answers.len()]);
+        }
+    }
+}
+
+/// N receivers at once, over K directions.
+#[inline(always)]
+fn block<const N: usize, const K: usize, const SOFT: bool>(
+    occluders: &[CapOccluder],
+    positions: &Vectors<N>,
+    normals: &Vectors<N>,
+    settings: &CapSettings,
+) -> [CapAmbient; N] {
+    let mut directions = [Vectors::<N>::ZERO; K];
+    for (directions, point) in directions.iter_mut().zip(sphere_samples(K as u32)) {
+        for lane in 0..N {
+            directions.set(lane, cosine_direction(normals.get(lane), point));
+        }
+    }
+    // In each direction; objects that are not told apart by direction all in the first.
+    let mut visible = [[1.0_f32; N]; K];
+    let mut open = Vectors::<N>::ZERO;
+    for lane in 0..N {
+        open.set(lane, normals.get(lane) * MEAN_COSINE);
+    }
+    for occluder in occluders {
+        let mut reach = [0.0; N];
+        for lane in 0..N {
+            reach[lane] = reach_of(&occluder.placement, positions.get(lane), settings.max_distance);
+        }
+        if reach.iter().all(|reach| *reach <= 0.0) {
+            continue;
+        }
+        let map = occluder.cap.cap_from_world;
+        let seen = Seen::new(occluder.grid, &map, positions);
+        let mut soft = [[0.0; N]; K];
+        let mut occlusion = [0.0; N];
+        for lane in 0..N {
+            let normal = unit(map.transform_vector3(normals.get(lane)));
+            occlusion[lane] = cap_occlusion(seen.harmonics(lane), &seen.cap(lane), normal);
+        }
+        let stretched = occluder.cap.stretched;
+        if stretched > 0.0 {
+            seen.soften(&map, &directions, &mut soft);
+            for lane in 0..N {
+                occlusion[lane] += (mean(&soft, lane) - occlusion[lane]) * stretched;
+            }
+        }
+        for lane in 0..N {
+            occlusion[lane] = above_cutoff(occlusion[lane] * reach[lane]);
+        }
+        if occlusion.iter().all(|occlusion| *occlusion <= 0.0) {
+            continue;
+        }
+        for lane in 0..N {
+            // The transpose turns back, and does not stretch.
+            let towards = unit(map.matrix3.transpose() * seen.axes.get(lane));
+            open.set(lane, open.get(lane) - towards * occlusion[lane]);
+        }
+        if SOFT {
+            if stretched <= 0.0 {
+                seen.soften(&map, &directions, &mut soft);
+            }
+            distribute(&mut soft, &occlusion);
+            for k in 0..K {
+                for lane in 0..N {
+                    visible[k][lane] *= 1.0 - soft[k][lane];
+                }
+            }
+        } else {
+            for lane in 0..N {
+                visible[0][lane] *= 1.0 - occlusion[lane];
+            }
+        }
+    }
+    let mut answers = [CapAmbient::UNOCCLUDED; N];
+    for lane in 0..N {
+        let visibility = if SOFT { mean(&visible, lane) } else { visible[0][lane] };
+        answers[lane] = CapAmbient { occlusion: 1.0 - visibility, bent_normal: unit(open.get(lane)) };
+    }
+    answers
+}
+
+/// Mean cosine of the directions of a hemisphere, weighted by their cosine.
+const MEAN_COSINE: f32 = 2.0 / 3.0;
+
+/// What N receivers see of one object, in cap space.
+struct Seen<const N: usize> {
+    harmonics: [[f32; N]; 4],
+    axes: Vectors<N>,
+    cosines: [f32; N],
+    opacities: [f32; N],
+}
+
+impl<const N: usize> Seen<N> {
+    #[inline(always)]
+    fn new(grid: &CapGrid, map: &Affine3A, positions: &Vectors<N>) -> Self {
+        let mut local = Vectors::<N>::ZERO;
+        for lane in 0..N {
+            local.set(lane, map.transform_point3(positions.get(lane)));
+        }
+        let harmonics = grid.plane_of(&local, 0);
+        let mut seen = Self { harmonics, axes: Vectors::ZERO, cosines: [0.0; N], opacities: [0.0; N] };
+        for lane in 0..N {
+            let cap = Cap::new(seen.harmonics(lane));
+            seen.axes.set(lane, cap.axis);
+            (seen.cosines[lane], seen.opacities[lane]) = (cap.cosine, cap.opacity);
+        }
+        seen
+    }
+
+    #[inline(always)]
+    fn harmonics(&self, lane: usize) -> Vec4 {
+        let [o0, x, y, z] = &self.harmonics;
+        Vec4::new(o0[lane], x[lane], y[lane], z[lane])
+    }
+
+    #[inline(always)]
+    fn cap(&self, lane: usize) -> Cap {
+        Cap { axis: self.axes.get(lane), cosine: self.cosines[lane], opacity: self.opacities[lane] }
+    }
+
+    /// How far each direction of the world is occluded.
+    #[inline(always)]
+    fn soften<const K: usize>(&self, map: &Affine3A, directions: &[Vectors<N>; K], soft: &mut [[f32; N]; K]) {
+        let softness = 1.0 - 0.7 / K as f32;
+        for k in 0..K {
+            for lane in 0..N {
+                let direction = unit(map.transform_vector3(directions[k].get(lane)));
+                soft[k][lane] = self.cap(lane).soft_occlusion(direction, softness);
+            }
+        }
+    }
+}
+
+/// The unit vector in a direction; the zero vector has none.
+#[inline(always)]
+fn unit(v: Vec3) -> Vec3 {
+    v / v.dot(v).sqrt().max(f32::MIN_POSITIVE)
+}
+
+/// How far an object counts at a receiver: fading out as it leaves `max_distance`, and not at all where it is so far that even
+/// its bounding sphere would hide less than the cutoff.
+#[inline(always)]
+fn reach_of(placement: &Placement, position: Vec3, max_distance: f32) -> f32 {
+    let to_center = placement.center - position;
+    let (squared, radius) = (to_center.dot(to_center), placement.radius);
+    let near = radius * radius > CUTOFF * squared;
+    let nearest = squared.sqrt() - radius;
+    let share = ((max_distance - nearest) / (2.0 * radius)).clamp(0.0, 1.0);
+    if near { share } else { 0.0 }
+}
+
+/// Scales the occlusion of each direction so that their mean is the object's, without exceeding 1.
+#[inline(always)]
+fn distribute<const N: usize, const K: usize>(soft: &mut [[f32; N]; K], occlusion: &[f32; N]) {
+    for _ in 0..2 {
+        for lane in 0..N {
+            let scale = occlusion[lane] / mean(soft, lane).max(SMALLEST_MEAN);
+            for k in 0..K {
+                soft[k][lane] = (soft[k][lane] * scale).min(1.0);
+            }
+        }
+    }
+    // What is still missing goes evenly to what is left open.
+    for lane in 0..N {
+        let found = mean(soft, lane);
+        let share = ((occlusion[lane] - found) / (1.0 - found).max(SMALLEST_MEAN)).clamp(0.0, 1.0);
+        for k in 0..K {
+            soft[k][lane] += (1.0 - soft[k][lane]) * share;
+        }
+    }
+}
+
+/// Below this, a mean is no longer divided by.
+const SMALLEST_MEAN: f32 = 1.0e-4;
+
+/// Over all directions.
+#[inline(always)]
+fn mean<const N: usize, const K: usize>(values: &[[f32; N]; K], lane: usize) -> f32 {
+    let mut sum = 0.0;
+    for k in 0..K {
+        sum += values[k][lane];
+    }
+    sum / K as f32
+}
