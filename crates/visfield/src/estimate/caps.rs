@@ -7,7 +7,7 @@
     reason = "lane by lane through several arrays: that is what becomes vector instructions"
 )]
 
-use glam::{Affine3A, DVec3, Vec3, Vec4};
+use glam::{Affine3A, DVec3, Mat3, Vec3, Vec4};
 use pulp::{Arch, NullaryFnOnce};
 
 use super::sampling::sphere_samples;
@@ -270,19 +270,20 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
         if reach.iter().all(|reach| *reach <= 0.0) {
             continue;
         }
-        let map = occluder.cap.cap_from_world;
+        let map = Map::new(&occluder.cap.cap_from_world);
         let seen = Seen::new(occluder.grid, &map, positions);
         let mut soft = [[0.0; N]; K];
         let mut occlusion = [0.0; N];
         for lane in 0..N {
-            let normal = unit(map.transform_vector3(normals.get(lane)));
+            let normal = unit(map.linear * normals.get(lane));
             occlusion[lane] = cap_occlusion(seen.harmonics(lane), &seen.cap(lane), normal);
         }
         let stretched = occluder.cap.stretched;
         if stretched > 0.0 {
             seen.soften(&map, &directions, &mut soft);
+            let softened = mean(&soft);
             for lane in 0..N {
-                occlusion[lane] += (mean(&soft, lane) - occlusion[lane]) * stretched;
+                occlusion[lane] += (softened[lane] - occlusion[lane]) * stretched;
             }
         }
         for lane in 0..N {
@@ -293,7 +294,7 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
         }
         for lane in 0..N {
             // The transpose turns back, and does not stretch.
-            let towards = unit(map.matrix3.transpose() * seen.axes.get(lane));
+            let towards = unit(map.transpose * seen.axes.get(lane));
             open.set(lane, open.get(lane) - towards * occlusion[lane]);
         }
         if SOFT {
@@ -312,16 +313,30 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
             }
         }
     }
+    let visibility = if SOFT { mean(&visible) } else { visible[0] };
     let mut answers = [CapAmbient::UNOCCLUDED; N];
     for lane in 0..N {
-        let visibility = if SOFT { mean(&visible, lane) } else { visible[0][lane] };
-        answers[lane] = CapAmbient { occlusion: 1.0 - visibility, bent_normal: unit(open.get(lane)) };
+        answers[lane] = CapAmbient { occlusion: 1.0 - visibility[lane], bent_normal: unit(open.get(lane)) };
     }
     answers
 }
 
 /// Mean cosine of the directions of a hemisphere, weighted by their cosine.
 const MEAN_COSINE: f32 = 2.0 / 3.0;
+
+/// An affine map in plain numbers: `Affine3A` is made of short vectors, which do not become long ones.
+struct Map {
+    linear: Mat3,
+    transpose: Mat3,
+    translation: Vec3,
+}
+
+impl Map {
+    fn new(map: &Affine3A) -> Self {
+        let linear = Mat3::from(map.matrix3);
+        Self { linear, transpose: linear.transpose(), translation: map.translation.into() }
+    }
+}
 
 /// What N receivers see of one object, in cap space.
 struct Seen<const N: usize> {
@@ -333,10 +348,10 @@ struct Seen<const N: usize> {
 
 impl<const N: usize> Seen<N> {
     #[inline(always)]
-    fn new(grid: &CapGrid, map: &Affine3A, positions: &Vectors<N>) -> Self {
+    fn new(grid: &CapGrid, map: &Map, positions: &Vectors<N>) -> Self {
         let mut local = Vectors::<N>::ZERO;
         for lane in 0..N {
-            local.set(lane, map.transform_point3(positions.get(lane)));
+            local.set(lane, map.linear * positions.get(lane) + map.translation);
         }
         let harmonics = grid.plane_of(&local, 0);
         let mut seen = Self { harmonics, axes: Vectors::ZERO, cosines: [0.0; N], opacities: [0.0; N] };
@@ -361,11 +376,11 @@ impl<const N: usize> Seen<N> {
 
     /// How far each direction of the world is occluded.
     #[inline(always)]
-    fn soften<const K: usize>(&self, map: &Affine3A, directions: &[Vectors<N>; K], soft: &mut [[f32; N]; K]) {
+    fn soften<const K: usize>(&self, map: &Map, directions: &[Vectors<N>; K], soft: &mut [[f32; N]; K]) {
         let softness = 1.0 - 0.7 / K as f32;
         for k in 0..K {
             for lane in 0..N {
-                let direction = unit(map.transform_vector3(directions[k].get(lane)));
+                let direction = unit(map.linear * directions[k].get(lane));
                 soft[k][lane] = self.cap(lane).soft_occlusion(direction, softness);
             }
         }
@@ -375,7 +390,7 @@ impl<const N: usize> Seen<N> {
 /// The unit vector in a direction; the zero vector has none.
 #[inline(always)]
 fn unit(v: Vec3) -> Vec3 {
-    v / v.dot(v).sqrt().max(f32::MIN_POSITIVE)
+    v * (1.0 / v.dot(v).sqrt().max(f32::MIN_POSITIVE))
 }
 
 /// How far an object counts at a receiver: fading out as it leaves `max_distance`, and not at all where it is so far that even
@@ -394,19 +409,24 @@ fn reach_of(placement: &Placement, position: Vec3, max_distance: f32) -> f32 {
 #[inline(always)]
 fn distribute<const N: usize, const K: usize>(soft: &mut [[f32; N]; K], occlusion: &[f32; N]) {
     for _ in 0..2 {
+        let mut scale = mean(soft);
         for lane in 0..N {
-            let scale = occlusion[lane] / mean(soft, lane).max(SMALLEST_MEAN);
-            for k in 0..K {
-                soft[k][lane] = (soft[k][lane] * scale).min(1.0);
+            scale[lane] = occlusion[lane] / scale[lane].max(SMALLEST_MEAN);
+        }
+        for k in 0..K {
+            for lane in 0..N {
+                soft[k][lane] = (soft[k][lane] * scale[lane]).min(1.0);
             }
         }
     }
     // What is still missing goes evenly to what is left open.
+    let mut share = mean(soft);
     for lane in 0..N {
-        let found = mean(soft, lane);
-        let share = ((occlusion[lane] - found) / (1.0 - found).max(SMALLEST_MEAN)).clamp(0.0, 1.0);
-        for k in 0..K {
-            soft[k][lane] += (1.0 - soft[k][lane]) * share;
+        share[lane] = ((occlusion[lane] - share[lane]) / (1.0 - share[lane]).max(SMALLEST_MEAN)).clamp(0.0, 1.0);
+    }
+    for k in 0..K {
+        for lane in 0..N {
+            soft[k][lane] += (1.0 - soft[k][lane]) * share[lane];
         }
     }
 }
@@ -416,10 +436,12 @@ const SMALLEST_MEAN: f32 = 1.0e-4;
 
 /// Over all directions.
 #[inline(always)]
-fn mean<const N: usize, const K: usize>(values: &[[f32; N]; K], lane: usize) -> f32 {
-    let mut sum = 0.0;
+fn mean<const N: usize, const K: usize>(values: &[[f32; N]; K]) -> [f32; N] {
+    let mut sum = [0.0; N];
     for k in 0..K {
-        sum += values[k][lane];
+        for lane in 0..N {
+            sum[lane] += values[k][lane];
+        }
     }
-    sum / K as f32
+    sum.map(|sum| sum / K as f32)
 }

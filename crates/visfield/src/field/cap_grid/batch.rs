@@ -21,7 +21,7 @@ impl CapGrid {
         let (mut first, mut fraction, mut weight) = ([0; N], Vectors::<N>::ZERO, [0.0; N]);
         for lane in 0..N {
             let at = GridPoint::new(&self.warps, points, positions.get(lane));
-            first[lane] = at.index(points, 0, 0, 0);
+            first[lane] = at.index(points);
             fraction.set(lane, at.fraction);
             weight[lane] = at.weight;
         }

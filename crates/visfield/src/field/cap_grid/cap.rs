@@ -51,7 +51,7 @@ impl Cap {
         let area = full_turn * (1.0 - cosine);
         let fits = area > solid_angle;
         Self {
-            axis: if length > 0.0 { o1 / length } else { Vec3::ZERO },
+            axis: o1 * (1.0 / length.max(f32::MIN_POSITIVE)),
             cosine: if fits { cosine } else { 1.0 - solid_angle / full_turn },
             opacity: if present { if fits { solid_angle / area } else { 1.0 } } else { 0.0 },
         }

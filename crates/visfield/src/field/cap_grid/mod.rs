@@ -486,22 +486,22 @@ impl GridPoint {
         // NaN becomes far away too.
         let within = |x: f32| x.max(-FARTHEST).min(FARTHEST);
         let position = Vec3::new(within(position.x), within(position.y), within(position.z));
-        let extent = Vec3::new(warps[0].extent, warps[1].extent, warps[2].extent);
-        let beyond = position.abs() / extent;
+        let [x, y, z] = warps;
+        let beyond = position.abs() * Vec3::new(x.inverse_extent, y.inverse_extent, z.inverse_extent);
         let pull = 1.0 / beyond.x.max(beyond.y).max(beyond.z).max(1.0);
         let pulled = position * pull;
-        let [x, y, z] = [warps[0].coordinate(pulled.x), warps[1].coordinate(pulled.y), warps[2].coordinate(pulled.z)];
+        let u = Vec3::new(x.coordinate(pulled.x), y.coordinate(pulled.y), z.coordinate(pulled.z));
         let last = (points - 1) as f32;
-        let grid = ((Vec3::new(x, y, z) + 1.0) * (0.5 * last)).clamp(Vec3::ZERO, Vec3::splat(last));
+        let grid = ((u + 1.0) * (0.5 * last)).clamp(Vec3::ZERO, Vec3::splat(last));
         let first = grid.floor().min(Vec3::splat(last - 1.0));
         Self { first, fraction: grid - first, weight: pull * pull / storage_scale(pulled) }
     }
 
-    /// The number of one of the eight points around it.
+    /// The number of the first of the eight points around it. Whole numbers of this size are exact.
     #[inline(always)]
-    pub(super) fn index(&self, points: u32, x: u32, y: u32, z: u32) -> u32 {
-        let first = [self.first.x, self.first.y, self.first.z].map(|x| x as u32);
-        ((first[2] + z) * points + first[1] + y) * points + first[0] + x
+    pub(super) fn index(&self, points: u32) -> u32 {
+        let side = points as f32;
+        ((self.first.z * side + self.first.y) * side + self.first.x) as u32
     }
 }
 

@@ -23,10 +23,14 @@ pub struct AxisWarp {
     pub knee: f32,
     /// Position per u of the linear part.
     pub slope: f32,
+    /// 1 / `slope`.
+    pub inverse_slope: f32,
     /// How fast the rational part widens.
     pub curvature: f32,
     /// Where the grid ends.
     pub extent: f32,
+    /// 1 / `extent`.
+    pub inverse_extent: f32,
 }
 
 impl AxisWarp {
@@ -48,7 +52,7 @@ impl AxisWarp {
         let slope = knee / KNEE;
         // So that u = 1 lies at the extent.
         let curvature = (1.0 - slope * (1.0 - KNEE) / (extent - knee)) / (1.0 - KNEE);
-        Self { knee, slope, curvature, extent }
+        Self { knee, slope, inverse_slope: 1.0 / slope, curvature, extent, inverse_extent: 1.0 / extent }
     }
 
     /// The warp that puts the box's face at u, if its knee is near enough to the one that is wanted.
@@ -78,7 +82,7 @@ impl AxisWarp {
     pub fn coordinate(&self, position: f32) -> f32 {
         let beyond = position.abs() - self.knee;
         let outer = KNEE + beyond / (self.slope + self.curvature * beyond);
-        let inner = position.abs() / self.slope;
+        let inner = position.abs() * self.inverse_slope;
         (if beyond > 0.0 { outer } else { inner }).copysign(position)
     }
 }
