@@ -1,6 +1,9 @@
 //! Fourteen instances of three meshes orbit, tumble and touch the floor, and give each other ambient occlusion and a soft
 //! sun shadow from visibility baked once per mesh. Materials are plain `StandardMaterial`s; no shadow map is used.
 //!
+//! Ambient occlusion starts with cap grids, which cost next to nothing. Switch to rays with E and look at the creases of the
+//! objects themselves and at the chairs' feet: rays show more there. On floor and walls there is little to tell apart.
+//!
 //! `cargo run --example moving_objects` opens a window; `--headless` records frames and a GIF instead; `--mesh PATH` shows
 //! a mesh of your own, baked on the spot in the background.
 //!
@@ -9,7 +12,8 @@
 //! | A | ambient occlusion on and off |
 //! | S | sun shadows on and off |
 //! | D | shows the occlusion itself: ambient, sun, off |
-//! | Q | rays per pixel: 4, 8, 16, 32 |
+//! | E | ambient occlusion by cap grids (no rays, no noise) or by rays |
+//! | Q | quality: low, medium, high, ultra |
 //! | Space | pause |
 //! | Esc | quit |
 
@@ -46,9 +50,30 @@ struct Options {
     /// A .glb, .gltf or .obj mesh to show in place of the default ones; baked on the spot
     #[arg(long, value_name = "PATH")]
     mesh: Option<PathBuf>,
+    /// What ambient occlusion is taken from
+    #[arg(long, value_enum, default_value_t)]
+    estimator: Estimator,
     /// Show the occlusion itself in the frames
     #[arg(long, value_enum)]
     debug: Option<DebugView>,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug, Default)]
+enum Estimator {
+    /// Cap grids: one interpolated read per pixel and object
+    #[default]
+    Caps,
+    /// Rays through tables
+    Rays,
+}
+
+impl From<Estimator> for OcclusionEstimator {
+    fn from(estimator: Estimator) -> Self {
+        match estimator {
+            Estimator::Caps => Self::CapGrid,
+            Estimator::Rays => Self::Rays,
+        }
+    }
 }
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
@@ -145,7 +170,7 @@ fn record(options: &Options, own_meshes: Option<OwnMeshes>) -> image::ImageResul
     add_scene(&mut headless.app, options.clone(), own_meshes);
     let target = headless.target();
     let mut commands = headless.app.world_mut().commands();
-    let camera = spawn_camera(&mut commands);
+    let camera = spawn_camera(&mut commands, options.estimator);
     commands.entity(camera).insert(target);
     match options.debug {
         Some(DebugView::Ambient) => drop(commands.entity(camera).insert(FieldDebugView::AmbientVisibility)),
@@ -224,13 +249,13 @@ fn own_parts(own: &[visfield_bake::Mesh], meshes: &mut Assets<Mesh>) -> ObjectPa
     ObjectParts { meshes, fields: Vec::new(), object_from_mesh }
 }
 
-fn spawn_camera(commands: &mut Commands) -> Entity {
-    let occlusion = FieldOcclusion::default();
+fn spawn_camera(commands: &mut Commands, estimator: Estimator) -> Entity {
+    let occlusion = FieldOcclusion { estimator: estimator.into(), ..default() };
     commands.spawn((Camera3d::default(), Msaa::Off, Fxaa::default(), camera_transform(), occlusion)).id()
 }
 
-fn spawn_window_camera(mut commands: Commands) {
-    spawn_camera(&mut commands);
+fn spawn_window_camera(mut commands: Commands, options: Res<Options>) {
+    spawn_camera(&mut commands, options.estimator);
 }
 
 #[derive(Resource, Default)]
@@ -269,6 +294,12 @@ fn press_keys(
     for (camera, mut occlusion, view) in &mut cameras {
         if keys.just_pressed(KeyCode::KeyA) {
             occlusion.ambient_occlusion = !occlusion.ambient_occlusion;
+        }
+        if keys.just_pressed(KeyCode::KeyE) {
+            occlusion.estimator = match occlusion.estimator {
+                OcclusionEstimator::CapGrid => OcclusionEstimator::Rays,
+                _ => OcclusionEstimator::CapGrid,
+            };
         }
         if keys.just_pressed(KeyCode::KeyQ) {
             use FieldOcclusionQuality::{High, Low, Medium, Ultra};
@@ -312,8 +343,10 @@ fn show_help(
         Some(_) => "sun visibility",
     };
     let mut text = format!(
-        "A ambient occlusion: {}   S sun shadows: {}   D view: {view}   Q quality: {:?}   Space pause   Esc quit",
+        "A ambient occlusion: {}   E by: {}   S sun shadows: {}   D view: {view}   Q quality: {:?}   Space pause   \
+         Esc quit",
         on(occlusion.ambient_occlusion),
+        if occlusion.estimator == OcclusionEstimator::Rays { "rays" } else { "cap grids" },
         on(!shadowed.is_empty()),
         occlusion.quality,
     );

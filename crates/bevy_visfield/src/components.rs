@@ -3,6 +3,7 @@
 use bevy::core_pipeline::prepass::{DepthPrepass, NormalPrepass};
 use bevy::prelude::*;
 
+use visfield::estimate::caps::CapCombination;
 use visfield::estimate::frame::{MAX_RAYS, TraceSettings};
 use visfield::field::query::Bias;
 
@@ -63,13 +64,15 @@ pub struct NotFieldOccluder;
 #[reflect(Component, Default, Clone, PartialEq)]
 #[require(DepthPrepass, NormalPrepass)]
 pub struct FieldOcclusion {
-    /// Rays per pixel: the trade of time for smoothness.
+    /// The trade of time for accuracy: what ambient occlusion is taken from, and how many rays are sent.
     pub quality: FieldOcclusionQuality,
+    /// What ambient occlusion is taken from, if not what the quality says.
+    pub estimator: OcclusionEstimator,
     /// Whether ambient light is occluded. Shadows of lights with [`FieldShadows`] do not depend on it.
     pub ambient_occlusion: bool,
     /// Ambient occlusion ignores surfaces beyond this distance, in world units, 0 to infinity (the default). A finite
-    /// distance is cheaper in large scenes. Below the size of an object it loses occlusion of that object on itself: a table
-    /// knows the ends of a line, not what lies between.
+    /// distance is cheaper in large scenes. Below the size of an object it is coarse: a cap grid knows the object as a whole,
+    /// which fades out, and a table knows the ends of a line, not what lies between.
     pub max_distance: f32,
     /// Scales how far an occluder must rise above the plane of a receiver to count, 1 by default: a small part of a cell of
     /// its table. Raise it if surfaces shadow themselves; lower it if fine creases are lost.
@@ -80,6 +83,7 @@ impl Default for FieldOcclusion {
     fn default() -> Self {
         Self {
             quality: FieldOcclusionQuality::default(),
+            estimator: OcclusionEstimator::default(),
             ambient_occlusion: true,
             max_distance: f32::INFINITY,
             bias: 1.0,
@@ -88,11 +92,29 @@ impl Default for FieldOcclusion {
 }
 
 impl FieldOcclusion {
+    /// How cap grids combine, if they are asked.
+    fn caps(&self) -> Option<CapCombination> {
+        use FieldOcclusionQuality::{Custom, High, Low, Medium, Ultra};
+        let by_quality = matches!(self.quality, Low | Medium);
+        let asked = match self.estimator {
+            OcclusionEstimator::ByQuality => by_quality,
+            OcclusionEstimator::CapGrid => true,
+            OcclusionEstimator::Rays => false,
+        };
+        let combination = match self.quality {
+            Low => CapCombination::Product,
+            Medium | Custom { .. } => CapCombination::SoftCaps { directions: 8 },
+            High | Ultra => CapCombination::SoftCaps { directions: 16 },
+        };
+        asked.then_some(combination)
+    }
+
     pub(crate) fn trace_settings(&self) -> TraceSettings {
         let rays = self.quality.rays();
         let bias = Bias::default();
         let scale = if self.bias.is_finite() { self.bias.max(0.0) } else { 1.0 };
         TraceSettings {
+            caps: if self.ambient_occlusion { self.caps() } else { None },
             ambient_rays: if self.ambient_occlusion { rays.ambient } else { 0 },
             shadow_rays: rays.shadow,
             max_distance: self.max_distance,
@@ -101,26 +123,52 @@ impl FieldOcclusion {
     }
 }
 
-/// How many rays [`FieldOcclusion`] sends. The denoiser gathers the rays of 8×8 pixels for ambient occlusion and of 4×4 for
-/// each light, so that a surface sends 64 and 16 times as many as a pixel.
+/// What ambient occlusion is taken from. A field is asked by the part that it has: one without a cap grid gets rays, and
+/// receivers inside an object whose grid is known to be wrong there (a hollow crate) get rays too.
+///
+/// ```
+/// use bevy::prelude::*;
+/// use bevy_visfield::{FieldOcclusion, OcclusionEstimator};
+/// fn by_rays() -> FieldOcclusion {
+///     FieldOcclusion { estimator: OcclusionEstimator::Rays, ..default() }
+/// }
+/// ```
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[reflect(Default, Clone, PartialEq, Hash)]
+pub enum OcclusionEstimator {
+    /// Cap grids for [`Low`](FieldOcclusionQuality::Low) and [`Medium`](FieldOcclusionQuality::Medium), rays for the others.
+    #[default]
+    ByQuality,
+    /// Cap grids: one interpolated read per pixel and object near it. No noise, no filter.
+    CapGrid,
+    /// Rays through tables. More accurate on an object's own surface and in contact, at many times the cost; the noise is
+    /// filtered. A field without a table does not occlude ambient light.
+    Rays,
+}
+
+/// What [`FieldOcclusion`] spends. The denoiser gathers the rays of 8×8 pixels for ambient occlusion and of 4×4 for each light,
+/// so that a surface sends 64 and 16 times as many as a pixel.
 ///
 /// ```
 /// use bevy_visfield::FieldOcclusionQuality;
-/// assert_eq!(FieldOcclusionQuality::Medium.rays().ambient, 8);
+/// assert_eq!(FieldOcclusionQuality::High.rays().ambient, 16);
 /// ```
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[reflect(Default, Clone, PartialEq, Hash)]
 pub enum FieldOcclusionQuality {
-    /// 4 rays per pixel for ambient occlusion, and 4 for each light.
+    /// Ambient occlusion by cap grids, objects combined as if they hid each other by chance. 4 rays per pixel for each light,
+    /// and for the ambient occlusion of fields without a grid.
     Low,
-    /// 8 rays per pixel for ambient occlusion, and 8 for each light.
+    /// Ambient occlusion by cap grids, objects combined along 8 directions. 8 rays per pixel for each light, and for the
+    /// ambient occlusion of fields without a grid.
     #[default]
     Medium,
     /// 16 rays per pixel for ambient occlusion, and 16 for each light.
     High,
     /// 32 rays per pixel for ambient occlusion, and 32 for each light.
     Ultra,
-    /// Numbers of your own, each 1 to 32; others are clamped.
+    /// Numbers of your own, each 1 to 32; others are clamped. Ambient occlusion is by rays, unless
+    /// [`OcclusionEstimator::CapGrid`] is chosen.
     Custom {
         /// Ambient occlusion rays per pixel.
         ambient_rays: u32,
@@ -211,8 +259,7 @@ mod tests {
         let wild = Custom { ambient_rays: 0, shadow_rays: u32::MAX };
         for quality in [Low, Medium, High, Ultra, wild] {
             for strange in [f32::NAN, f32::INFINITY, -1.0, 0.0] {
-                let settings =
-                    FieldOcclusion { quality, max_distance: strange, bias: strange, ambient_occlusion: true };
+                let settings = FieldOcclusion { quality, max_distance: strange, bias: strange, ..default() };
                 let trace = settings.trace_settings();
                 assert!((1..=MAX_RAYS).contains(&trace.ambient_rays));
                 assert!((1..=MAX_RAYS).contains(&trace.shadow_rays));
@@ -225,7 +272,20 @@ mod tests {
     #[test]
     fn ambient_occlusion_can_be_off_on_its_own() {
         let off = FieldOcclusion { ambient_occlusion: false, ..default() }.trace_settings();
-        assert_eq!(off.ambient_rays, 0);
+        assert_eq!((off.ambient_rays, off.caps), (0, None));
         assert!(off.shadow_rays > 0);
+    }
+
+    #[test]
+    fn the_cheaper_presets_use_cap_grids_unless_told_otherwise() {
+        use FieldOcclusionQuality::{Custom, High, Low, Medium, Ultra};
+        let caps = |quality, estimator| FieldOcclusion { quality, estimator, ..default() }.trace_settings().caps;
+        let custom = Custom { ambient_rays: 3, shadow_rays: 3 };
+        for (quality, by_caps) in [(Low, true), (Medium, true), (High, false), (Ultra, false), (custom, false)] {
+            assert_eq!(caps(quality, OcclusionEstimator::ByQuality).is_some(), by_caps, "{quality:?}");
+            assert!(caps(quality, OcclusionEstimator::CapGrid).is_some());
+            assert!(caps(quality, OcclusionEstimator::Rays).is_none());
+        }
+        assert_eq!(caps(Low, OcclusionEstimator::ByQuality), Some(CapCombination::Product));
     }
 }

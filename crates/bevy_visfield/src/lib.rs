@@ -53,7 +53,8 @@ use bevy::asset::AssetApp;
 
 pub use asset::{VisibilityField, VisibilityFieldLoader, VisibilityFieldSet};
 pub use components::{
-    FieldOcclusion, FieldOcclusionQuality, FieldShadows, NotFieldOccluder, RaysPerPixel, VisibilityField3d,
+    FieldOcclusion, FieldOcclusionQuality, FieldShadows, NotFieldOccluder, OcclusionEstimator, RaysPerPixel,
+    VisibilityField3d,
 };
 pub use debug::FieldDebugView;
 pub use render::{FieldOcclusionFrame, FieldOcclusionSystems, FieldResidency};
@@ -63,8 +64,8 @@ pub mod prelude {
     #[cfg(feature = "bake")]
     pub use crate::bake::{BakeProgress, BakeVisibilityField};
     pub use crate::{
-        FieldDebugView, FieldOcclusion, FieldOcclusionQuality, FieldShadows, NotFieldOccluder, VisibilityField,
-        VisibilityField3d, VisibilityFieldPlugin,
+        FieldDebugView, FieldOcclusion, FieldOcclusionQuality, FieldShadows, NotFieldOccluder, OcclusionEstimator,
+        VisibilityField, VisibilityField3d, VisibilityFieldPlugin,
     };
 }
 

@@ -79,13 +79,22 @@ pub(super) fn prepare_frames(
         );
         let viewport_size = resolution.map_or(view.viewport.zw(), |resolution| resolution.0);
         let camera_position = view.world_from_view.translation().as_dvec3();
+        let (layers, settings) = (layers.unwrap_or_default(), settings.trace_settings());
+        let lights = masked_lights(&lights, layers);
         commands.entity(entity).insert(FieldOcclusionFrame {
             output,
             viewport: (view.viewport.xy(), viewport_size),
             world_from_clip: relative_world_from_clip(view, jitter, viewport_size),
-            instances: place_occluders(&residency, &occluders, layers.unwrap_or_default(), camera_position),
-            lights: masked_lights(&lights, layers.unwrap_or_default()),
-            settings: settings.trace_settings(),
+            instances: place_occluders(
+                &residency,
+                &occluders,
+                layers,
+                camera_position,
+                settings.caps.is_some(),
+                &lights,
+            ),
+            lights,
+            settings,
         });
     }
 }
@@ -105,6 +114,8 @@ fn place_occluders(
     occluders: &ExtractedOccluders,
     camera_layers: &RenderLayers,
     camera_position: DVec3,
+    caps: bool,
+    lights: &[FrameLight],
 ) -> Vec<InstanceData> {
     let place = |occluder: &ExtractedOccluder| {
         let slot = residency.slot(occluder.field)?;
@@ -115,7 +126,13 @@ fn place_occluders(
                 occluder.world_from_mesh
             );
         }
-        Some(InstanceData::new(slot, &placement?))
+        if slot.table().is_none() && (!caps || !lights.is_empty()) {
+            warn_once!(
+                "a visibility field has a cap grid and no table: it casts no shadows, and ambient occlusion only where the \
+                 estimator is OcclusionEstimator::CapGrid. Bake it with `--representation two-point,cap-grid`."
+            );
+        }
+        Some(InstanceData::new(slot, &placement?, caps))
     };
     occluders.0.iter().filter(|occluder| occluder.layers.intersects(camera_layers)).filter_map(place).collect()
 }

@@ -85,13 +85,7 @@ impl RenderAsset for ResidentField {
         residency.free(id);
         match residency.pool.insert(device.wgpu_device(), queue, &field) {
             Ok(slot) => {
-                if field.table().is_some_and(|table| table.encoding() == Encoding::Bit) {
-                    warn!(
-                        "visibility field `{}` is of bits, which know no distances: its own mesh looks black where it \
-                         receives occlusion; bake it with `--encoding u8`, unless it is never seen itself",
-                        field.header().name
-                    );
-                }
+                warn_of_limits(&field);
                 residency.slots.insert(id, slot);
                 residency.refused.remove(&id);
                 Ok(Self)
@@ -103,7 +97,7 @@ impl RenderAsset for ResidentField {
                 match error {
                     PoolError::Full { .. } => Err(PrepareAssetError::RetryNextUpdate(field)),
                     // It will never be taken.
-                    PoolError::Representation | PoolError::NoTable => Ok(Self),
+                    PoolError::Representation => Ok(Self),
                 }
             }
         }
@@ -114,5 +108,22 @@ impl RenderAsset for ResidentField {
             residency.free(id);
             residency.refused.remove(&id);
         }
+    }
+}
+
+/// Says what a field will get wrong, if that is known.
+fn warn_of_limits(field: &visfield::VisibilityField) {
+    let name = &field.header().name;
+    if field.table().is_some_and(|table| table.encoding() == Encoding::Bit) {
+        warn!(
+            "visibility field `{name}` is of bits, which know no distances: its own mesh looks black where it receives \
+             occlusion by rays; bake it with `--encoding u8`, unless it is never seen itself"
+        );
+    }
+    if !field.answers_rays() && field.cap_grid().is_some_and(|grid| !grid.serves_inside()) {
+        warn!(
+            "the cap grid of visibility field `{name}` is wrong inside its bounding box, and there is no table for rays: \
+             ambient occlusion in there is a guess; bake it with `--representation two-point,cap-grid`"
+        );
     }
 }

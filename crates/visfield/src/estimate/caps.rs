@@ -11,10 +11,12 @@ use glam::{Affine3A, DVec3, Mat3, Vec3, Vec4};
 use pulp::{Arch, NullaryFnOnce};
 
 use super::sampling::sphere_samples;
-use super::{Receiver, cosine_direction};
+use super::{FacingOccluder, Receiver, blocked_share, cosine_direction};
+use crate::field::VisibilityField;
 use crate::field::cap_grid::cap::{CUTOFF, Cap, above_cutoff, cap_occlusion};
 use crate::field::cap_grid::{CapGrid, stretch};
 use crate::field::lanes::Vectors;
+use crate::field::query::Bias;
 use crate::scene::{Placement, Scene};
 
 /// How the occlusion of several objects adds up.
@@ -96,19 +98,22 @@ impl CapAmbient {
     pub const UNOCCLUDED: Self = Self { occlusion: 0.0, bent_normal: Vec3::ZERO };
 }
 
-/// A cap grid as receivers see it, relative to some origin.
+/// Where a cap grid lies.
 ///
 /// ```
 /// use glam::{DAffine3, DVec3, Vec3, dvec3};
 /// use visfield::estimate::caps::CapPlacement;
-/// # let grid = visfield::field::cap_grid::example_ball();
-/// let mirrored = CapPlacement::new(&grid, DAffine3::from_scale(dvec3(2.0, -2.0, 2.0)), DVec3::ZERO).unwrap();
-/// assert!(mirrored.stretched < 1e-6);
-/// assert_eq!(mirrored.cap_from_world.transform_point3(Vec3::Y * 4.0), Vec3::Y * -2.0);
+/// use visfield::scene::Placement;
+/// # let field = visfield::field::example_caps();
+/// let mirrored = DAffine3::from_scale(dvec3(2.0, -2.0, 2.0));
+/// let placement = Placement::new(&field.header().bounds, mirrored, DVec3::ZERO).unwrap();
+/// let cap = CapPlacement::new(&field.cap_from_field().unwrap(), &placement);
+/// assert!(cap.stretched < 1e-6);
+/// assert_eq!(cap.cap_from_world.transform_point3(Vec3::Y * 4.0), Vec3::Y * -2.0);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CapPlacement {
-    /// From the world relative to the origin to cap space.
+    /// From the world, relative to the placement's chosen origin, to cap space.
     pub cap_from_world: Affine3A,
     /// 0 for instances that are turned, moved, mirrored and scaled evenly, for which a grid is exact; up to 1 for those whose
     /// scale is uneven, which are looked at along a few directions.
@@ -119,23 +124,85 @@ pub struct CapPlacement {
 const FULLY_STRETCHED: f32 = 0.2;
 
 impl CapPlacement {
-    /// Places a grid; `None` where [`Placement::new`] gives none.
-    pub fn new(grid: &CapGrid, world_from_mesh: glam::DAffine3, origin: DVec3) -> Option<Self> {
-        let cap_from_world = Placement::new(&grid.header().cap_space(), world_from_mesh, origin)?.field_from_world;
+    /// Places the grid of a field that is placed.
+    pub fn new(cap_from_field: &Affine3A, placement: &Placement) -> Self {
+        let cap_from_world = *cap_from_field * placement.field_from_world;
         let stretched = (stretch(cap_from_world.matrix3.into()) / FULLY_STRETCHED).min(1.0);
-        Some(Self { cap_from_world, stretched })
+        Self { cap_from_world, stretched }
+    }
+}
+
+/// Which part of a field answers ambient occlusion.
+///
+/// ```
+/// use visfield::estimate::caps::AmbientSource;
+/// # let field = visfield::field::example_caps(); // no table
+/// assert_eq!(AmbientSource::of(&field, true), AmbientSource::CapGrid);
+/// assert_eq!(AmbientSource::of(&field, false), AmbientSource::None);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AmbientSource {
+    /// No part can.
+    None,
+    /// The table, by rays.
+    Rays,
+    /// The cap grid.
+    CapGrid,
+    /// The cap grid outside the mesh's bounding box, and rays inside, where the grid [is known to be
+    /// wrong](crate::field::cap_grid::CapGridError::serves_inside).
+    CapGridWithRaysInside,
+}
+
+impl AmbientSource {
+    /// The part of a field to ask, where cap grids are wanted or are not.
+    pub fn of(field: &VisibilityField, caps: bool) -> Self {
+        Self::choose(field.answers_rays(), field.cap_grid().map(CapGrid::serves_inside), caps)
+    }
+
+    /// The same, of a field that answers rays or does not, and has a grid that serves inside its box or does not.
+    pub fn choose(answers_rays: bool, grid_serves_inside: Option<bool>, caps: bool) -> Self {
+        match (grid_serves_inside.filter(|_| caps), answers_rays) {
+            (Some(false), true) => Self::CapGridWithRaysInside,
+            (Some(_), _) => Self::CapGrid,
+            (None, true) => Self::Rays,
+            (None, false) => Self::None,
+        }
+    }
+
+    /// Whether the grid is asked anywhere.
+    pub fn has_caps(self) -> bool {
+        matches!(self, Self::CapGrid | Self::CapGridWithRaysInside)
+    }
+
+    /// Whether rays are sent to a receiver inside the mesh's bounding box, or outside.
+    pub fn has_rays(self, inside: bool) -> bool {
+        self == Self::Rays || self == Self::CapGridWithRaysInside && inside
     }
 }
 
 /// An instance with a cap grid.
 #[derive(Clone, Copy, Debug)]
 pub struct CapOccluder<'a> {
-    /// Its bounding sphere, to cull by.
-    pub placement: Placement,
-    /// Its grid's place.
-    pub cap: CapPlacement,
-    /// The grid.
-    pub grid: &'a CapGrid,
+    placement: Placement,
+    cap: CapPlacement,
+    field: &'a VisibilityField,
+    grid: &'a CapGrid,
+    /// Whether receivers inside its box are left to rays.
+    rays_inside: bool,
+}
+
+impl<'a> CapOccluder<'a> {
+    /// An instance of a field; `None` if the field has no cap grid.
+    pub fn new(placement: Placement, field: &'a VisibilityField) -> Option<Self> {
+        let (grid, cap_from_field) = (field.cap_grid()?, field.cap_from_field()?);
+        let rays_inside = AmbientSource::of(field, true) == AmbientSource::CapGridWithRaysInside;
+        Some(Self { placement, cap: CapPlacement::new(&cap_from_field, &placement), field, grid, rays_inside })
+    }
+
+    /// Whether a receiver is left to rays.
+    pub(super) fn leaves_to_rays(&self, position: Vec3) -> bool {
+        self.rays_inside && self.grid.contains(self.cap.cap_from_world.transform_point3(position))
+    }
 }
 
 /// A scene's cap grids, placed: ask it for the ambient occlusion of as many receivers as you like.
@@ -167,18 +234,16 @@ impl<'a> CapScene<'a> {
     /// Places the instances whose field has a cap grid relative to `origin`, leaving out those whose transform is not
     /// invertible. Choose a point near the receivers: they are seen in single precision.
     pub fn new(scene: &'a Scene, origin: DVec3) -> Self {
-        let placed = scene.place_indexed(origin).filter_map(|(index, placement, field)| {
-            let grid = field.cap_grid()?;
-            let cap = CapPlacement::new(grid, scene.instances[index].world_from_mesh, origin)?;
-            Some(CapOccluder { placement, cap, grid })
-        });
-        Self { origin, occluders: placed.collect() }
+        let placed = scene.place(origin).into_iter();
+        Self { origin, occluders: placed.filter_map(|(placement, field)| CapOccluder::new(placement, field)).collect() }
     }
 
-    /// What one receiver gets.
+    /// What one receiver gets. Where a grid is known to be wrong inside its box, receivers in there get rays, if the field
+    /// answers them.
     pub fn ambient(&self, receiver: &Receiver, settings: &CapSettings) -> CapAmbient {
         let position = (receiver.position - self.origin).as_vec3();
-        ambient(&self.occluders, position, receiver.normal, settings)
+        let found = ambient(&self.occluders, position, receiver.normal, settings);
+        self.with_rays_inside(found, position, receiver.normal, settings)
     }
 
     /// What many receivers get, the same bit for bit and several times faster.
@@ -187,6 +252,16 @@ impl<'a> CapScene<'a> {
     /// If there are not as many answers as receivers.
     pub fn ambient_batch(&self, receivers: &[Receiver], settings: &CapSettings, answers: &mut [CapAmbient]) {
         assert_eq!(receivers.len(), answers.len(), "one answer per receiver");
+        self.ask_grids(receivers, settings, answers);
+        if self.occluders.iter().any(|occluder| occluder.rays_inside) {
+            for (receiver, answer) in receivers.iter().zip(answers) {
+                let position = (receiver.position - self.origin).as_vec3();
+                *answer = self.with_rays_inside(*answer, position, receiver.normal, settings);
+            }
+        }
+    }
+
+    fn ask_grids(&self, receivers: &[Receiver], settings: &CapSettings, answers: &mut [CapAmbient]) {
         let work = Work { scene: self, receivers, settings, answers };
         match settings.combination {
             CapCombination::Product => Arch::new().dispatch(Combined::<_, 8, false>(work)),
@@ -196,7 +271,26 @@ impl<'a> CapScene<'a> {
     }
 }
 
-/// What one receiver gets, relative to the origin that the occluders were placed by.
+/// Rays of receivers that grids leave to them.
+const INSIDE_RAYS: u32 = 64;
+
+impl CapScene<'_> {
+    /// Adds the occlusion of objects that leave this receiver to rays.
+    fn with_rays_inside(&self, found: CapAmbient, position: Vec3, normal: Vec3, settings: &CapSettings) -> CapAmbient {
+        let around = self.occluders.iter().filter(|occluder| occluder.leaves_to_rays(position));
+        let placed: Vec<_> = around.map(|occluder| (occluder.placement, occluder.field)).collect();
+        if placed.is_empty() {
+            return found;
+        }
+        let facing: Vec<_> = placed.iter().map(|placed| FacingOccluder::new(placed, position, normal)).collect();
+        let directions =
+            sphere_samples(INSIDE_RAYS).into_iter().map(|sample| cosine_direction(normal, sample)).collect();
+        let blocked = blocked_share(&facing, directions, settings.max_distance, Bias::default());
+        CapAmbient { occlusion: 1.0 - (1.0 - found.occlusion) * (1.0 - blocked), ..found }
+    }
+}
+
+/// What one receiver gets of grids alone, relative to the origin that the occluders were placed by.
 pub fn ambient(occluders: &[CapOccluder], position: Vec3, normal: Vec3, settings: &CapSettings) -> CapAmbient {
     let one = |v: Vec3| {
         let mut one = Vectors::<1>::ZERO;
@@ -289,6 +383,12 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
         for lane in 0..N {
             occlusion[lane] = above_cutoff(occlusion[lane] * reach[lane]);
         }
+        if occluder.rays_inside {
+            for lane in 0..N {
+                let inside = occluder.grid.contains(seen.positions.get(lane));
+                occlusion[lane] = if inside { 0.0 } else { occlusion[lane] };
+            }
+        }
         if occlusion.iter().all(|occlusion| *occlusion <= 0.0) {
             continue;
         }
@@ -340,6 +440,7 @@ impl Map {
 
 /// What N receivers see of one object, in cap space.
 struct Seen<const N: usize> {
+    positions: Vectors<N>,
     harmonics: [[f32; N]; 4],
     axes: Vectors<N>,
     cosines: [f32; N],
@@ -354,7 +455,8 @@ impl<const N: usize> Seen<N> {
             local.set(lane, map.linear * positions.get(lane) + map.translation);
         }
         let harmonics = grid.plane_of(&local, 0);
-        let mut seen = Self { harmonics, axes: Vectors::ZERO, cosines: [0.0; N], opacities: [0.0; N] };
+        let mut seen =
+            Self { positions: local, harmonics, axes: Vectors::ZERO, cosines: [0.0; N], opacities: [0.0; N] };
         for lane in 0..N {
             let cap = Cap::new(seen.harmonics(lane));
             seen.axes.set(lane, cap.axis);

@@ -1,9 +1,10 @@
-//! A frame's occlusion on the CPU: the twin of `shaders/{frame,trace,denoise}.wgsl`, function by function.
+//! A frame's occlusion on the CPU: the twin of `shaders/{frame,instance,trace,denoise}.wgsl`, function by function.
 //!
 //! It exists to check the shaders against, and to compute frames without a GPU. All positions are relative to the camera.
 
 use glam::{IVec2, Mat4, UVec2, Vec2, Vec3, Vec4, uvec2, vec2};
 
+use super::caps::{AmbientSource, CapCombination, CapOccluder, CapSettings, ambient};
 use super::sampling::{
     AMBIENT_INTERLEAVE_BITS, DiscBasis, LIGHT_INTERLEAVE_BITS, disc_samples, interleave_index, residues, sphere_samples,
 };
@@ -26,6 +27,8 @@ pub const MAX_RAYS: u32 = 32;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceSettings {
+    /// Whether ambient occlusion comes from the cap grids of fields that have one, and how they combine. Others get rays.
+    pub caps: Option<CapCombination>,
     /// Ambient occlusion rays per pixel, 0 (none) to [`MAX_RAYS`]. The denoiser sees 64 times as many.
     pub ambient_rays: u32,
     /// Rays per pixel and light, 0 (none) to [`MAX_RAYS`]. The denoiser sees 16 times as many.
@@ -38,7 +41,7 @@ pub struct TraceSettings {
 
 impl Default for TraceSettings {
     fn default() -> Self {
-        Self { ambient_rays: 8, shadow_rays: 8, max_distance: f32::INFINITY, bias: Bias::default() }
+        Self { caps: None, ambient_rays: 8, shadow_rays: 8, max_distance: f32::INFINITY, bias: Bias::default() }
     }
 }
 
@@ -47,11 +50,17 @@ impl TraceSettings {
     #[must_use]
     pub fn clamped(self) -> Self {
         Self {
+            caps: self.caps,
             ambient_rays: self.ambient_rays.min(MAX_RAYS),
             shadow_rays: self.shadow_rays.min(MAX_RAYS),
             max_distance: if self.max_distance.is_nan() { f32::INFINITY } else { self.max_distance.max(0.0) },
             bias: self.bias,
         }
+    }
+
+    /// How cap grids are asked.
+    pub fn cap_settings(&self) -> CapSettings {
+        CapSettings { combination: self.caps.unwrap_or_default(), max_distance: self.max_distance }
     }
 
     /// The points of the sphere that 8×8 pixels share for ambient occlusion.
@@ -93,7 +102,7 @@ impl FrameLight {
 }
 
 /// A surface point of the frame, relative to the camera; depth 0 (infinity, reversed z) means there is none. See
-/// [`trace`] for an example.
+/// [`occlusion`] for an example.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameReceiver {
     /// Where it is, relative to the camera.
@@ -104,7 +113,7 @@ pub struct FrameReceiver {
     pub depth: f32,
 }
 
-/// A frame's depth and normals, and where they lie. See [`trace`] for an example.
+/// A frame's depth and normals, and where they lie. See [`occlusion`] for an example.
 #[derive(Clone, Debug)]
 pub struct GeometryBuffer {
     /// From clip space to the world relative to the camera.
@@ -144,20 +153,8 @@ impl GeometryBuffer {
     }
 }
 
-/// Traces every pixel: ambient occlusion in x, the occlusion of the lights by channel in y, z, w. Noisy; see [`denoise`].
-///
-/// ```
-/// use glam::{Mat4, Vec3, Vec4, uvec2};
-/// use visfield::estimate::frame::{GeometryBuffer, TraceSettings, denoise, trace};
-/// let geometry = GeometryBuffer {
-///     world_from_clip: Mat4::perspective_infinite_reverse_rh(1.0, 1.0, 0.1).inverse(),
-///     size: uvec2(2, 1),
-///     depth: vec![0.05, 0.0], // a wall two units away, and the sky
-///     normals: vec![Vec3::Z; 2],
-/// };
-/// let noisy = trace(&geometry, &[], &[], &TraceSettings::default());
-/// assert_eq!(denoise(&geometry, &noisy), [Vec4::ZERO; 2]); // nothing there to occlude
-/// ```
+/// Traces every pixel: ambient occlusion in x, the occlusion of the lights by channel in y, z, w. Noisy; see [`denoise`], and
+/// [`occlusion`] for an example.
 ///
 /// # Panics
 /// If depth or normals do not hold one value per pixel.
@@ -184,6 +181,7 @@ pub fn trace(
         let mut occlusion = Vec4::ZERO;
         let within_reach = |occluder: &&FacingOccluder| {
             to_center(occluder.placement).length() - occluder.placement.radius < settings.max_distance
+                && has_rays(occluder, receiver.position, settings.caps.is_some())
         };
         let reached: Vec<&FacingOccluder> = above.iter().filter(within_reach).collect();
         let count = own_samples(&sphere, pixel, AMBIENT_INTERLEAVE_BITS)
@@ -209,6 +207,64 @@ pub fn trace(
         occlusion
     };
     geometry.pixels().map(trace_pixel).collect()
+}
+
+/// Whether rays are sent to an occluder for the ambient occlusion of a receiver at a position.
+fn has_rays(occluder: &FacingOccluder, position: Vec3, caps: bool) -> bool {
+    let source = AmbientSource::of(occluder.field, caps);
+    let cap = CapOccluder::new(*occluder.placement, occluder.field);
+    source.has_rays(cap.is_some_and(|cap| cap.leaves_to_rays(position)))
+}
+
+/// Ambient occlusion of every pixel by cap grids, of the instances that they answer for. Without noise.
+///
+/// # Panics
+/// If depth or normals do not hold one value per pixel.
+pub fn caps(
+    geometry: &GeometryBuffer,
+    instances: &[(Placement, &VisibilityField)],
+    settings: &TraceSettings,
+) -> Vec<f32> {
+    let settings = settings.clamped();
+    let asked = instances.iter().filter(|(_, field)| AmbientSource::of(field, settings.caps.is_some()).has_caps());
+    let occluders: Vec<CapOccluder> =
+        asked.filter_map(|(placement, field)| CapOccluder::new(*placement, field)).collect();
+    let occlusion = |pixel: UVec2| {
+        let receiver = geometry.receiver_at(pixel);
+        let lit = receiver.depth == 0.0;
+        let found = || ambient(&occluders, receiver.position, receiver.normal, &settings.cap_settings()).occlusion;
+        if lit { 0.0 } else { found() }
+    };
+    geometry.pixels().map(occlusion).collect()
+}
+
+/// All of a frame's occlusion: what is traced and denoised, and what cap grids add.
+///
+/// ```
+/// use glam::{Mat4, Vec3, Vec4, uvec2};
+/// use visfield::estimate::frame::{GeometryBuffer, TraceSettings, occlusion};
+/// let geometry = GeometryBuffer {
+///     world_from_clip: Mat4::perspective_infinite_reverse_rh(1.0, 1.0, 0.1).inverse(),
+///     size: uvec2(2, 1),
+///     depth: vec![0.05, 0.0], // a wall two units away, and the sky
+///     normals: vec![Vec3::Z; 2],
+/// };
+/// assert_eq!(occlusion(&geometry, &[], &[], &TraceSettings::default()), [Vec4::ZERO; 2]); // nothing there to occlude
+/// ```
+///
+/// # Panics
+/// If depth or normals do not hold one value per pixel.
+pub fn occlusion(
+    geometry: &GeometryBuffer,
+    instances: &[(Placement, &VisibilityField)],
+    lights: &[FrameLight],
+    settings: &TraceSettings,
+) -> Vec<Vec4> {
+    let mut occlusion = denoise(geometry, &trace(geometry, instances, lights, settings));
+    for (all, caps) in occlusion.iter_mut().zip(caps(geometry, instances, settings)) {
+        all.x = 1.0 - (1.0 - all.x) * (1.0 - caps);
+    }
+    occlusion
 }
 
 /// The samples of a shared pattern that a pixel takes.

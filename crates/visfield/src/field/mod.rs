@@ -328,6 +328,12 @@ impl VisibilityField {
     pub fn field_from_mesh(&self) -> Affine3A {
         self.header.bounds.field_from_mesh().as_affine3a()
     }
+
+    /// The map from field space to that of the cap grid, if there is one.
+    pub fn cap_from_field(&self) -> Option<Affine3A> {
+        let cap_from_mesh = self.cap_grid()?.header().cap_space().field_from_mesh();
+        Some((cap_from_mesh * self.header.bounds.mesh_from_field()).as_affine3a())
+    }
 }
 
 /// The cap grid of a ball of radius 1 around the origin, and no table.

@@ -1,55 +1,126 @@
 //! What the shaders read, byte for byte. A test compares every offset with the layout that naga reflects from the WGSL.
 
 use bytemuck::{Pod, Zeroable};
-use glam::{UVec2, Vec3};
+use glam::{Affine3A, UVec2, Vec3};
 
 use super::FieldSlot;
+use crate::estimate::caps::{AmbientSource, CapCombination, CapPlacement};
 use crate::estimate::frame::{FrameLight, MAX_LIGHTS, TraceSettings};
-use crate::field::Encoding;
+use crate::estimate::sampling::sphere_samples;
+use crate::field::cap_grid::CapPrecision;
+use crate::field::{CapGrid, Encoding};
 use crate::scene::Placement;
 
-/// One occluder, `Instance` in `shaders/trace.wgsl`.
+/// One occluder, `Instance` in `shaders/instance.wgsl`.
 ///
 /// ```
-/// assert_eq!(size_of::<visfield::gpu::layout::InstanceData>(), 80);
+/// assert_eq!(size_of::<visfield::gpu::layout::InstanceData>(), 144);
 /// ```
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct InstanceData {
     /// Rows of the affine map from the camera-relative world to field space.
     pub field_from_world: [[f32; 4]; 3],
+    /// Rows of the affine map from the camera-relative world to the space of the cap grid.
+    pub cap_from_world: [[f32; 4]; 3],
     /// Centre of the bounding sphere, relative to the camera.
     pub center: [f32; 3],
     /// Radius of the bounding sphere, in world units.
     pub radius: f32,
     /// Where the field's table starts in the pool, in bytes.
     pub first_byte: u32,
-    /// Side of the table's grid of chord entries.
+    /// Side of the table's grid of chord entries; 0 if there is no table.
     pub entries: u32,
     /// Side of the table's grid of chord exits.
     pub exits: u32,
     /// How the table is encoded: 0 for [`Encoding::U8`], 1 for [`Encoding::Bit`], 2 for [`Encoding::U16`], 3 for
     /// [`Encoding::F32`].
     pub encoding: u32,
+    /// Where the field's cap grid starts in the pool, in words.
+    pub cap_first_word: u32,
+    /// Which part answers ambient occlusion: 0 for [`AmbientSource::None`], 1 for [`AmbientSource::Rays`], 2 for
+    /// [`AmbientSource::CapGrid`], 3 for [`AmbientSource::CapGridWithRaysInside`].
+    pub ambient_source: u32,
+    /// [`CapPlacement::stretched`]
+    pub stretched: f32,
+    /// Fills the last 16 bytes.
+    pub padding: u32,
 }
 
 impl InstanceData {
-    /// An instance of the field in `slot`, placed relative to the camera.
-    pub fn new(slot: &FieldSlot, placement: &Placement) -> Self {
-        let map = placement.field_from_world;
-        let row = |i: usize| {
-            let linear = map.matrix3.row(i);
-            [linear.x, linear.y, linear.z, map.translation[i]]
-        };
-        Self {
-            field_from_world: [row(0), row(1), row(2)],
+    /// An instance of the field in `slot`, placed relative to the camera. With `caps`, its cap grid answers ambient occlusion,
+    /// if it has one.
+    pub fn new(slot: &FieldSlot, placement: &Placement, caps: bool) -> Self {
+        let source =
+            AmbientSource::choose(slot.table().is_some(), slot.cap_grid().map(|grid| grid.serves_inside), caps);
+        let mut data = Self {
+            field_from_world: rows(&placement.field_from_world),
             center: placement.center.to_array(),
             radius: placement.radius,
-            first_byte: slot.first_byte(),
-            entries: slot.grid().entries,
-            exits: slot.grid().exits,
-            encoding: encoding_number(slot.encoding()),
+            ambient_source: ambient_source_number(source),
+            ..Self::zeroed()
+        };
+        if let Some(table) = slot.table() {
+            data.first_byte = table.first_byte;
+            (data.entries, data.exits) = (table.grid.entries, table.grid.exits);
+            data.encoding = encoding_number(table.encoding);
         }
+        if let Some(grid) = slot.cap_grid() {
+            let cap = CapPlacement::new(&grid.cap_from_field, placement);
+            data.cap_from_world = rows(&cap.cap_from_world);
+            data.stretched = cap.stretched;
+            data.cap_first_word = grid.first_word;
+        }
+        data
+    }
+}
+
+impl InstanceData {
+    /// Whether its cap grid is asked anywhere.
+    pub(super) fn has_caps(&self) -> bool {
+        [AmbientSource::CapGrid, AmbientSource::CapGridWithRaysInside]
+            .map(ambient_source_number)
+            .contains(&self.ambient_source)
+    }
+
+    /// Whether rays are sent for its ambient occlusion anywhere.
+    pub(super) fn has_rays(&self) -> bool {
+        [AmbientSource::Rays, AmbientSource::CapGridWithRaysInside]
+            .map(ambient_source_number)
+            .contains(&self.ambient_source)
+    }
+}
+
+fn rows(map: &Affine3A) -> [[f32; 4]; 3] {
+    [0, 1, 2].map(|i| map.matrix3.row(i).extend(map.translation[i]).to_array())
+}
+
+/// A cap grid as `shaders/caps.wgsl` reads it: points, precision (0 for bytes), the warps of the axes, half the sides of the
+/// box; then for each four coefficients what 0 and a step of theirs stand for, and the points.
+pub fn cap_grid_words(grid: &CapGrid) -> Vec<u32> {
+    let header = grid.header();
+    let mut words = vec![header.format.points, u32::from(header.format.precision != CapPrecision::U8)];
+    let mut push = |numbers: &[f32]| words.extend(numbers.iter().map(|x| x.to_bits()));
+    for warp in grid.warps() {
+        push(&[warp.knee, warp.slope, warp.inverse_slope, warp.curvature, warp.inverse_extent]);
+    }
+    push(&header.half_extents_in_cap_space().to_array());
+    let planes = header.format.order.coefficients() / 4;
+    for (plane, points) in grid.words().chunks(grid.words().len() / planes).enumerate() {
+        let [low, step] = grid.low_and_step(plane);
+        words.extend(low.iter().chain(&step).map(|x| x.to_bits()));
+        words.extend(points);
+    }
+    words
+}
+
+/// A source of ambient occlusion as shaders know it.
+pub fn ambient_source_number(source: AmbientSource) -> u32 {
+    match source {
+        AmbientSource::None => 0,
+        AmbientSource::Rays => 1,
+        AmbientSource::CapGrid => 2,
+        AmbientSource::CapGridWithRaysInside => 3,
     }
 }
 
@@ -102,7 +173,7 @@ impl From<&FrameLight> for LightData {
 /// A frame's parameters, `Frame` in `shaders/frame.wgsl`.
 ///
 /// ```
-/// assert_eq!(size_of::<visfield::gpu::layout::FrameUniform>(), 256);
+/// assert_eq!(size_of::<visfield::gpu::layout::FrameUniform>(), 272);
 /// ```
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -127,8 +198,14 @@ pub struct FrameUniform {
     pub bias_height: f32,
     /// [`Bias::along`](crate::field::query::Bias::along)
     pub bias_along: f32,
-    /// Aligns the lights.
-    pub padding: u32,
+    /// Whether the caps pass comes before, and its result is part of the frame's.
+    pub caps: u32,
+    /// Whether cap grids combine as soft caps, not as a product.
+    pub soft_caps: u32,
+    /// Over how many directions cap grids are looked at.
+    pub cap_directions: u32,
+    /// First pixel of what the caps pass writes.
+    pub caps_origin: [u32; 2],
     /// The lights, the first `light_count` of them in use.
     pub lights: [LightData; MAX_LIGHTS],
 }
@@ -140,6 +217,7 @@ impl FrameUniform {
         instance_count: u32,
         lights: &[FrameLight],
         settings: &TraceSettings,
+        caps: Option<UVec2>,
     ) -> Self {
         let mut data = [LightData::default(); MAX_LIGHTS];
         let usable = lights.iter().filter(|light| light.channel < MAX_LIGHTS);
@@ -160,15 +238,21 @@ impl FrameUniform {
             max_distance: settings.max_distance.min(3.0e38),
             bias_height: settings.bias.height,
             bias_along: settings.bias.along,
-            padding: 0,
+            caps: u32::from(caps.is_some()),
+            soft_caps: u32::from(matches!(settings.caps, Some(CapCombination::SoftCaps { .. }))),
+            cap_directions: settings.caps.unwrap_or_default().directions() as u32,
+            caps_origin: caps.unwrap_or_default().to_array(),
             lights: data,
         }
     }
 }
 
-/// The sample patterns as the shader reads them: points of the sphere, then points of the disc.
+/// The sample patterns as the shaders read them: points of the sphere, points of the disc, and the points of the sphere that
+/// caps are combined at.
 pub(super) fn sample_data(settings: &TraceSettings) -> Vec<[f32; 4]> {
     let sphere = settings.sphere_samples().into_iter().map(|p| p.extend(0.0).to_array());
     let disc = settings.disc_samples().into_iter().map(|p| Vec3::new(p.x, p.y, 0.0).extend(0.0).to_array());
-    sphere.chain(disc).collect()
+    let directions = settings.caps.map_or(0, CapCombination::directions);
+    let caps = sphere_samples(directions as u32).into_iter().map(|p| p.extend(0.0).to_array());
+    sphere.chain(disc).chain(caps).collect()
 }

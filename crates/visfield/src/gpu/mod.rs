@@ -4,8 +4,8 @@
 //! [`OcclusionPasses::encode`] traces and denoises one camera's frame. The application brings device, queue and encoder;
 //! everything runs within [`wgpu::Limits::default`].
 //!
-//! The WGSL sources are plain, without preprocessor directives, and joined by concatenation: [`trace_source`] and
-//! [`denoise_source`]. Each of their functions has a CPU twin of the same name in [`field`](crate::field) or
+//! The WGSL sources are plain, without preprocessor directives, and joined by concatenation: [`caps_source`], [`trace_source`]
+//! and [`denoise_source`]. Each of their functions has a CPU twin of the same name in [`field`](crate::field) or
 //! [`estimate::frame`](crate::estimate::frame).
 
 pub mod layout;
@@ -13,15 +13,21 @@ mod passes;
 mod pool;
 
 pub use passes::{FrameInputs, MissingCapability, OUTPUT_FORMAT, OcclusionPasses, OcclusionView};
-pub use pool::{FieldPool, FieldSlot, PoolError, PoolStatistics};
+pub use pool::{CapGridSlot, FieldPool, FieldSlot, PoolError, PoolStatistics, TableSlot};
 
 /// Functions over `tables`, which the including shader declares.
 pub const FIELD_SOURCE: &str = include_str!("../shaders/field.wgsl");
 const FRAME_SOURCE: &str = include_str!("../shaders/frame.wgsl");
+const INSTANCE_SOURCE: &str = include_str!("../shaders/instance.wgsl");
 
 /// The trace pass, entry point `trace`.
 pub fn trace_source() -> String {
-    [FIELD_SOURCE, FRAME_SOURCE, include_str!("../shaders/trace.wgsl")].concat()
+    [FIELD_SOURCE, FRAME_SOURCE, INSTANCE_SOURCE, include_str!("../shaders/trace.wgsl")].concat()
+}
+
+/// The pass over cap grids, entry point `caps`.
+pub fn caps_source() -> String {
+    [FRAME_SOURCE, INSTANCE_SOURCE, include_str!("../shaders/caps.wgsl")].concat()
 }
 
 /// The denoise passes, entry points `denoise_rows` and `denoise_columns`.

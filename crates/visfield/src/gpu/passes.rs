@@ -1,10 +1,11 @@
-//! The passes of one camera's frame: trace, then denoise.
+//! The passes of one camera's frame: cap grids, which have no noise; trace, then denoise. Only those run that a frame needs.
 
 use glam::{Mat4, UVec2};
 use thiserror::Error;
 
 use super::layout::{FrameUniform, InstanceData, sample_data};
-use super::{FieldPool, denoise_source, trace_source};
+use super::{FieldPool, caps_source, denoise_source, trace_source};
+use crate::estimate::caps::CapCombination;
 use crate::estimate::frame::{FrameLight, TraceSettings};
 
 /// Format of the occlusion texture. Its red channel is ambient visibility; green and blue are the *occlusion* of lights 0
@@ -42,6 +43,7 @@ pub enum MissingCapability {
 /// ```
 #[derive(Debug)]
 pub struct OcclusionPasses {
+    caps: wgpu::ComputePipeline,
     trace: wgpu::ComputePipeline,
     denoise_rows: wgpu::ComputePipeline,
     denoise_columns: wgpu::ComputePipeline,
@@ -76,10 +78,12 @@ pub struct FrameInputs<'a> {
 pub struct OcclusionView {
     frame: Option<wgpu::Buffer>,
     instances: Option<wgpu::Buffer>,
-    /// The sample patterns, and the numbers of rays that they were made for.
-    samples: Option<(wgpu::Buffer, [u32; 2])>,
+    /// The sample patterns, and the numbers of rays and directions that they were made for.
+    samples: Option<(wgpu::Buffer, [u32; 3])>,
     /// What the trace makes, and what the pass over rows makes of it.
-    intermediate: Option<[wgpu::Texture; 2]>,
+    filter: Option<[wgpu::Texture; 2]>,
+    /// What the caps pass makes, where it is not all.
+    caps_texture: Option<wgpu::Texture>,
 }
 
 impl OcclusionView {
@@ -112,6 +116,7 @@ impl OcclusionPasses {
             let source = wgpu::ShaderSource::Wgsl(source.into());
             device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
         };
+        let caps = module("field occlusion caps", caps_source());
         let trace = module("field occlusion trace", trace_source());
         let denoise = module("field occlusion denoise", denoise_source());
         let pipeline = |module: &wgpu::ShaderModule, entry_point| {
@@ -125,6 +130,7 @@ impl OcclusionPasses {
             })
         };
         Self {
+            caps: pipeline(&caps, "caps"),
             trace: pipeline(&trace, "trace"),
             denoise_rows: pipeline(&denoise, "denoise_rows"),
             denoise_columns: pipeline(&denoise, "denoise_columns"),
@@ -149,39 +155,53 @@ impl OcclusionPasses {
             return;
         }
         let settings = inputs.settings.clamped();
+        let caps = settings.caps.is_some() && inputs.instances.iter().any(InstanceData::has_caps);
+        let rays = !inputs.lights.is_empty()
+            || settings.ambient_rays > 0 && inputs.instances.iter().any(InstanceData::has_rays);
+        // What has no noise needs no filter: alone, it goes where the result does.
+        let needed = Needed { caps_texture: caps && rays, filter: rays || !caps };
         let count = inputs.instances.len() as u32;
-        let uniform = FrameUniform::new(inputs.world_from_clip, inputs.viewport, count, inputs.lights, &settings);
-        let Prepared { frame, instances, samples, intermediate } =
-            view.prepare(device, queue, &settings, inputs.instances.len(), size);
+        let caps_origin = caps.then_some(if needed.filter { UVec2::ZERO } else { inputs.viewport.0 });
+        let uniform =
+            FrameUniform::new(inputs.world_from_clip, inputs.viewport, count, inputs.lights, &settings, caps_origin);
+        let Prepared { frame, instances, samples, filter, caps_texture } =
+            view.prepare(device, queue, &settings, inputs.instances.len(), size, needed);
         queue.write_buffer(frame, 0, bytemuck::bytes_of(&uniform));
         queue.write_buffer(instances, 0, bytemuck::cast_slice(inputs.instances));
-        let [noisy, rows] = intermediate.each_ref().map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
         let texture = wgpu::BindingResource::TextureView;
-        let trace_bindings = [
-            frame.as_entire_binding(),
-            texture(inputs.depth),
-            texture(inputs.normals),
-            pool.buffer().as_entire_binding(),
-            instances.as_entire_binding(),
-            samples.as_entire_binding(),
-            texture(&noisy),
-        ];
-        let [rows_bindings, columns_bindings] = [(&noisy, &rows), (&rows, inputs.output)].map(|(input, output)| {
-            [frame.as_entire_binding(), texture(inputs.depth), texture(inputs.normals), texture(input), texture(output)]
-        });
-        for (label, pipeline, bindings) in [
-            ("field occlusion trace", &self.trace, &trace_bindings[..]),
-            ("field occlusion denoise rows", &self.denoise_rows, &rows_bindings),
-            ("field occlusion denoise columns", &self.denoise_columns, &columns_bindings),
-        ] {
-            let bind_group = bind_in_order(device, label, pipeline, bindings);
+        let surfaces = [frame.as_entire_binding(), texture(inputs.depth), texture(inputs.normals)];
+        let occluders = [pool.buffer().as_entire_binding(), instances.as_entire_binding(), samples.as_entire_binding()];
+        let mut run = |label, pipeline, bindings: &[&[wgpu::BindingResource]]| {
+            let bind_group = bind_in_order(device, label, pipeline, &bindings.concat());
             let mut pass =
                 encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes: None });
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &bind_group, &[]);
             pass.dispatch_workgroups(size.x.div_ceil(WORKGROUP_SIDE), size.y.div_ceil(WORKGROUP_SIDE), 1);
+        };
+        if caps {
+            let output = texture(caps_texture.as_ref().unwrap_or(inputs.output));
+            run("field occlusion caps", &self.caps, &[&surfaces, &occluders, &[output]]);
+        }
+        if let Some([noisy, rows]) = &filter {
+            run("field occlusion trace", &self.trace, &[&surfaces, &occluders, &[texture(noisy)]]);
+            let (label, pipeline) = ("field occlusion denoise rows", &self.denoise_rows);
+            run(label, pipeline, &[&surfaces, &[texture(noisy), texture(rows)]]);
+            let (label, pipeline) = ("field occlusion denoise columns", &self.denoise_columns);
+            // Where the caps pass did not run, its texture is not read either.
+            let caps_texture = texture(caps_texture.as_ref().unwrap_or(noisy));
+            run(label, pipeline, &[&surfaces, &[texture(rows), texture(inputs.output), caps_texture]]);
         }
     }
+}
+
+/// What a frame needs beside its buffers.
+#[derive(Clone, Copy)]
+struct Needed {
+    /// A texture for what cap grids give, to be joined with what is traced.
+    caps_texture: bool,
+    /// Textures for what is traced and filtered.
+    filter: bool,
 }
 
 /// A view's resources, fit for a frame.
@@ -189,7 +209,8 @@ struct Prepared<'a> {
     frame: &'a wgpu::Buffer,
     instances: &'a wgpu::Buffer,
     samples: &'a wgpu::Buffer,
-    intermediate: &'a [wgpu::Texture; 2],
+    filter: Option<[wgpu::TextureView; 2]>,
+    caps_texture: Option<wgpu::TextureView>,
 }
 
 impl OcclusionView {
@@ -201,14 +222,27 @@ impl OcclusionView {
         settings: &TraceSettings,
         instance_count: usize,
         size: UVec2,
+        needed_textures: Needed,
     ) -> Prepared<'_> {
         let instance_bytes = |count: usize| (size_of::<InstanceData>() * count) as u64;
         // Never empty: a binding needs at least one element.
         let needed = instance_count.max(1);
         self.instances.take_if(|buffer| buffer.size() < instance_bytes(needed));
-        let rays = [settings.ambient_rays, settings.shadow_rays];
+        let directions = settings.caps.map_or(0, CapCombination::directions) as u32;
+        let rays = [settings.ambient_rays, settings.shadow_rays, directions];
         self.samples.take_if(|(_, made_for)| *made_for != rays);
-        self.intermediate.take_if(|[noisy, _]| (noisy.width(), noisy.height()) != (size.x, size.y));
+        let fits = |texture: &wgpu::Texture| (texture.width(), texture.height()) == (size.x, size.y);
+        self.filter.take_if(|[noisy, _]| !needed_textures.filter || !fits(noisy));
+        self.caps_texture.take_if(|texture| !needed_textures.caps_texture || !fits(texture));
+        if needed_textures.filter {
+            self.filter.get_or_insert_with(|| {
+                ["field occlusion, noisy", "field occlusion, rows"].map(|label| create_texture(device, label, size))
+            });
+        }
+        if needed_textures.caps_texture {
+            self.caps_texture.get_or_insert_with(|| create_texture(device, "field occlusion, caps", size));
+        }
+        let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
 
         let storage = wgpu::BufferUsages::STORAGE;
         Prepared {
@@ -230,9 +264,8 @@ impl OcclusionView {
                     (buffer, rays)
                 })
                 .0,
-            intermediate: self.intermediate.get_or_insert_with(|| {
-                ["field occlusion, noisy", "field occlusion, rows"].map(|label| create_texture(device, label, size))
-            }),
+            filter: self.filter.as_ref().map(|textures| textures.each_ref().map(view)),
+            caps_texture: self.caps_texture.as_ref().map(view),
         }
     }
 }

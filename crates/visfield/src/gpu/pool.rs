@@ -1,10 +1,12 @@
-//! All fields' tables in one storage buffer: instances share them, and no binding arrays are needed.
+//! All fields' parts in one storage buffer: instances share them, and no binding arrays are needed.
 
+use glam::Affine3A;
 use range_alloc::RangeAllocator;
 use thiserror::Error;
 
+use super::layout::cap_grid_words;
 use crate::field::lookup::{Grid, TwoPointGrid};
-use crate::field::{BoundingEllipsoid, Encoding, VisibilityField};
+use crate::field::{BoundingEllipsoid, ChordTable, Encoding, VisibilityField};
 
 /// First size of the buffer in words: next to nothing, for scenes without fields.
 const FIRST_WORDS: u64 = 1024;
@@ -14,7 +16,7 @@ const FIRST_WORDS: u64 = 1024;
 pub enum PoolError {
     /// The pool would exceed what the adapter can bind at once.
     #[error(
-        "a table of {bytes} bytes does not fit the field pool of at most {limit} bytes; bake smaller tables (fewer \
+        "a field of {bytes} bytes does not fit the field pool of at most {limit} bytes; bake smaller tables (fewer \
          entries or exits) or use fewer meshes"
     )]
     Full {
@@ -26,34 +28,62 @@ pub enum PoolError {
     /// The passes read two-point tables only.
     #[error("the GPU passes read two-point fields only; bake this one without `--representation hemisphere`")]
     Representation,
-    /// The passes read tables, and the field has none.
-    #[error("the GPU passes read tables, and this field has none; bake it with one")]
-    NoTable,
+}
+
+/// A table in the pool.
+///
+/// ```no_run
+/// # fn show(slot: &visfield::gpu::FieldSlot) {
+/// if let Some(table) = slot.table() {
+///     println!("{:?} from byte {}", table.grid, table.first_byte);
+/// }
+/// # }
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct TableSlot {
+    /// Where the table starts, in bytes.
+    pub first_byte: u32,
+    /// The sides of its grids.
+    pub grid: TwoPointGrid,
+    /// How it is encoded.
+    pub encoding: Encoding,
+}
+
+/// A cap grid in the pool.
+///
+/// ```no_run
+/// # fn show(slot: &visfield::gpu::FieldSlot) {
+/// let is_trusted_inside = slot.cap_grid().is_some_and(|grid| grid.serves_inside);
+/// # }
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct CapGridSlot {
+    /// Where the grid starts, in words.
+    pub first_word: u32,
+    /// [`CapGrid::serves_inside`](crate::CapGrid::serves_inside)
+    pub serves_inside: bool,
+    /// From field space to that of the grid.
+    pub cap_from_field: Affine3A,
 }
 
 /// Where a field lies in the pool. Give it back with [`FieldPool::remove`].
 #[derive(Debug)]
 pub struct FieldSlot {
     words: std::ops::Range<u64>,
-    grid: TwoPointGrid,
-    encoding: Encoding,
+    table: Option<TableSlot>,
+    cap_grid: Option<CapGridSlot>,
     bounds: BoundingEllipsoid,
 }
 
 impl FieldSlot {
-    /// Where the table starts, in bytes.
-    pub fn first_byte(&self) -> u32 {
-        (self.words.start * 4) as u32
+    /// The field's table, if it has one.
+    pub fn table(&self) -> Option<&TableSlot> {
+        self.table.as_ref()
     }
 
-    /// The sides of the table's grids.
-    pub fn grid(&self) -> TwoPointGrid {
-        self.grid
-    }
-
-    /// How the table is encoded.
-    pub fn encoding(&self) -> Encoding {
-        self.encoding
+    /// The field's cap grid, if it has one.
+    pub fn cap_grid(&self) -> Option<&CapGridSlot> {
+        self.cap_grid.as_ref()
     }
 
     /// The field's bounding ellipsoid in its mesh's space.
@@ -75,7 +105,7 @@ pub struct PoolStatistics {
     pub buffer_bytes: u64,
 }
 
-/// All resident fields' tables in one growing storage buffer.
+/// All resident fields' parts in one growing storage buffer.
 ///
 /// ```no_run
 /// # fn upload(device: &wgpu::Device, queue: &wgpu::Queue, field: &visfield::VisibilityField) {
@@ -110,39 +140,59 @@ impl FieldPool {
         }
     }
 
-    /// Uploads a field's table.
+    /// Uploads a field's parts.
     ///
     /// # Errors
     /// [`PoolError::Full`] if the adapter's limit leaves no room, [`PoolError::Representation`] for a table that the passes do
-    /// not read, [`PoolError::NoTable`] for a field without one; the pool stays as it was.
+    /// not read; the pool stays as it was.
     pub fn insert(
         &mut self,
         device: &wgpu::Device,
         queue: &wgpu::Queue,
         field: &VisibilityField,
     ) -> Result<FieldSlot, PoolError> {
-        let table = field.table().ok_or(PoolError::NoTable)?;
-        let Grid::TwoPoint(grid) = table.grid() else { return Err(PoolError::Representation) };
-        let bytes = table.bytes();
-        let words = (bytes.len() as u64).div_ceil(4);
+        let grid = match field.table().map(ChordTable::grid) {
+            Some(Grid::TwoPoint(grid)) => Some(grid),
+            Some(Grid::Hemisphere(_)) => return Err(PoolError::Representation),
+            None => None,
+        };
+        let table = field.table().map_or(&[][..], ChordTable::bytes);
+        let caps = field.cap_grid().map(cap_grid_words).unwrap_or_default();
+        let table_words = (table.len() as u64).div_ceil(4);
+        let words = table_words + caps.len() as u64;
         let range = if let Ok(range) = self.words.allocate_range(words) {
             range
         } else {
             self.grow(device, queue, words)?;
             self.words.allocate_range(words).map_err(|_| self.full(words))?
         };
-        // Writes come in whole words; the buffer's slack after the table is never read.
-        let whole = bytes.len() & !3;
-        queue.write_buffer(&self.buffer, range.start * 4, &bytes[..whole]);
-        if whole < bytes.len() {
+        // Writes come in whole words; the slack after the table is never read.
+        let (whole, rest) = table.split_at(table.len() & !3);
+        queue.write_buffer(&self.buffer, range.start * 4, whole);
+        if !rest.is_empty() {
             let mut last = [0; 4];
-            last[..bytes.len() - whole].copy_from_slice(&bytes[whole..]);
-            queue.write_buffer(&self.buffer, range.start * 4 + whole as u64, &last);
+            last[..rest.len()].copy_from_slice(rest);
+            queue.write_buffer(&self.buffer, range.start * 4 + whole.len() as u64, &last);
         }
+        let first_word = range.start + table_words;
+        queue.write_buffer(&self.buffer, first_word * 4, bytemuck::cast_slice(&caps));
         self.statistics.uploads += 1;
         self.statistics.uploaded_bytes += words * 4;
         self.statistics.resident_bytes += words * 4;
-        Ok(FieldSlot { words: range, grid, encoding: table.encoding(), bounds: field.header().bounds })
+        Ok(FieldSlot {
+            table: field.table().zip(grid).map(|(table, grid)| TableSlot {
+                first_byte: (range.start * 4) as u32,
+                grid,
+                encoding: table.encoding(),
+            }),
+            cap_grid: field.cap_grid().zip(field.cap_from_field()).map(|(grid, cap_from_field)| CapGridSlot {
+                first_word: first_word as u32,
+                serves_inside: grid.serves_inside(),
+                cap_from_field,
+            }),
+            bounds: field.header().bounds,
+            words: range,
+        })
     }
 
     /// Frees a field's place. Frames already encoded may still read it; its bytes stay until the next insertion.

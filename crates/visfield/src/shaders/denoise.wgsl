@@ -4,6 +4,8 @@
 // Occlusion: ambient, and lights 0, 1, 2.
 @group(0) @binding(3) var noisy_texture: texture_2d<f32>;
 @group(0) @binding(4) var output_texture: texture_storage_2d<rgba16float, write>;
+// Ambient visibility by cap grids, which has no noise. Some other texture where that pass does not run.
+@group(0) @binding(5) var caps_texture: texture_2d<f32>;
 
 // Taps to either side.
 const REACH: i32 = 4;
@@ -73,6 +75,10 @@ fn denoise_columns(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let occlusion = clamp(denoise_line(pixel, vec2<i32>(0, 1)), vec4<f32>(0.0), vec4<f32>(1.0));
-    let encoded = vec4<f32>(1.0 - occlusion.x, occlusion.y, occlusion.z, 1.0 - occlusion.w);
+    var visibility = 1.0 - occlusion.x;
+    if frame.caps != 0u {
+        visibility *= textureLoad(caps_texture, pixel, 0).x;
+    }
+    let encoded = vec4<f32>(visibility, occlusion.y, occlusion.z, 1.0 - occlusion.w);
     textureStore(output_texture, pixel + frame.viewport_origin, encoded);
 }

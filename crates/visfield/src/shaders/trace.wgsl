@@ -1,20 +1,6 @@
 // The trace pass: a few rays per pixel and estimator, against every instance that can matter. Twin: estimate/frame.rs.
-// Joined after field.wgsl and frame.wgsl.
+// Joined after field.wgsl, frame.wgsl and instance.wgsl.
 
-// Layout: gpu/layout.rs, `InstanceData`.
-struct Instance {
-    // Rows of the affine map from the camera-relative world to field space.
-    field_from_world: array<vec4<f32>, 3>,
-    center: vec3<f32>,
-    radius: f32,
-    first_byte: u32,
-    entries: u32,
-    exits: u32,
-    encoding: u32,
-}
-
-@group(0) @binding(3) var<storage, read> tables: array<u32>;
-@group(0) @binding(4) var<storage, read> instances: array<Instance>;
 // Points of the sphere (64 × ambient_rays), then points of the disc (16 × shadow_rays).
 @group(0) @binding(5) var<storage, read> samples: array<vec4<f32>>;
 // Occlusion: ambient, and lights 0, 1, 2.
@@ -36,41 +22,8 @@ fn interleave_index(x: u32, y: u32, bits: u32) -> u32 {
     return index;
 }
 
-fn cosine_direction(normal: vec3<f32>, point: vec3<f32>) -> vec3<f32> {
-    let direction = normal + point;
-    let squared = dot(direction, direction);
-    if squared > 1.0e-8 {
-        return direction / sqrt(squared);
-    }
-    return normal;
-}
-
 fn disc_direction(light: Light, point: vec2<f32>) -> vec3<f32> {
     return normalize(light.axis + light.tangent * point.x + light.bitangent * point.y);
-}
-
-fn to_field(instance: Instance, v: vec4<f32>) -> vec3<f32> {
-    let rows = instance.field_from_world;
-    return vec3<f32>(dot(rows[0], v), dot(rows[1], v), dot(rows[2], v));
-}
-
-// The normal in field space of a surface with this normal in the world: by the cofactors of the linear map, which are its
-// inverse transpose up to a factor.
-fn field_normal(instance: Instance, normal: vec3<f32>) -> vec3<f32> {
-    let rows = instance.field_from_world;
-    // Products of three components of tiny or huge objects would leave the range of f32.
-    let component = max(max(abs(rows[0].xyz), abs(rows[1].xyz)), abs(rows[2].xyz));
-    let largest = max(max(component.x, component.y), component.z);
-    let x = rows[0].xyz / largest;
-    let y = rows[1].xyz / largest;
-    let z = rows[2].xyz / largest;
-    let cofactors = vec3<f32>(dot(cross(y, z), normal), dot(cross(z, x), normal), dot(cross(x, y), normal));
-    let orientation = select(1.0, -1.0, dot(x, cross(y, z)) < 0.0);
-    let squared = dot(cofactors, cofactors);
-    if squared > 0.0 {
-        return cofactors / sqrt(squared) * orientation;
-    }
-    return vec3<f32>(0.0);
 }
 
 // Whether a sphere can block any ray of the receiver's hemisphere.
@@ -110,7 +63,7 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
         let to_center = instances[i].center - receiver.position;
         let radius = instances[i].radius;
         // What lies wholly below the horizon blocks no ray that counts.
-        if !above_surface(to_center, radius, receiver.normal) {
+        if instances[i].entries == 0u || !above_surface(to_center, radius, receiver.normal) {
             continue;
         }
         let shape = TableShape(
@@ -119,16 +72,17 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
             instances[i].exits,
             instances[i].encoding,
         );
-        let origin = to_field(instances[i], vec4<f32>(receiver.position, 1.0));
+        let origin = transform(instances[i].field_from_world, vec4<f32>(receiver.position, 1.0));
         let normal = field_normal(instances[i], receiver.normal);
-        if length(to_center) - radius < frame.max_distance {
+        let within_reach = length(to_center) - radius < frame.max_distance;
+        if frame.ambient_rays > 0u && within_reach && has_rays(instances[i], receiver.position) {
             for (var ray = 0u; ray < frame.ambient_rays; ray++) {
                 if (ambient_blocked & (1u << ray)) != 0u {
                     continue;
                 }
                 let point = samples[ray * ambient_stride + ambient_residue].xyz;
                 let direction = cosine_direction(receiver.normal, point);
-                let along = to_field(instances[i], vec4<f32>(direction, 0.0));
+                let along = transform(instances[i].field_from_world, vec4<f32>(direction, 0.0));
                 if occluded(shape, origin, along, frame.max_distance, normal, bias) {
                     ambient_blocked |= 1u << ray;
                 }
@@ -148,7 +102,7 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
                 if dot(receiver.normal, direction) <= 0.0 {
                     continue;
                 }
-                let along = to_field(instances[i], vec4<f32>(direction, 0.0));
+                let along = transform(instances[i].field_from_world, vec4<f32>(direction, 0.0));
                 if occluded(shape, origin, along, NO_HIT, normal, bias) {
                     light_blocked[l] |= 1u << ray;
                 }

@@ -1,8 +1,10 @@
 //! Whole passes: a small frame on the GPU against the same frame on the CPU.
 
 use glam::{DAffine3, DVec3, EulerRot, Mat4, UVec2, Vec3, Vec4, dvec3, uvec2, vec3};
-use visfield::estimate::frame::{FrameLight, GeometryBuffer, TraceSettings, denoise, trace};
-use visfield::field::{VisibilityField, ball_field};
+use visfield::estimate::caps::CapCombination;
+use visfield::estimate::frame::{FrameLight, GeometryBuffer, TraceSettings, occlusion};
+use visfield::field::cap_grid::{self, CapGridError, CapGridFormat, CapGridHeader, CapPrecision};
+use visfield::field::{FieldParts, VisibilityField, ball_field};
 use visfield::gpu::layout::InstanceData;
 use visfield::gpu::{FieldPool, FrameInputs, OUTPUT_FORMAT, OcclusionPasses, OcclusionView};
 use visfield::scene::Placement;
@@ -170,34 +172,38 @@ fn read_rgba16(device: &wgpu::Device, queue: &wgpu::Queue, texture: &wgpu::Textu
     lines.flat_map(|line| line[ORIGIN.x as usize * 8..][..SIZE.x as usize * 8].chunks(8).map(texel)).collect()
 }
 
-#[test]
-fn the_passes_compute_what_their_twins_compute() {
-    let Some((device, queue)) = device() else { return };
-    let geometry = geometry();
-    let fields: [VisibilityField; 2] = [ball_field(0.9, 33, 16), ball_field(0.5, 17, 9)];
-    let mut pool = FieldPool::new(&device);
-    let slots = fields.each_ref().map(|field| pool.insert(&device, &queue, field).unwrap());
-    let place = |field: usize, world_from_mesh: DAffine3| {
-        let bounds = &fields[field].header().bounds;
-        (Placement::new(bounds, world_from_mesh, DVec3::ZERO).unwrap(), field)
-    };
-    let squeezed = DAffine3::from_scale_rotation_translation(
-        dvec3(0.4, -1.2, 0.7),
-        glam::DQuat::from_euler(EulerRot::XYZ, 0.4, 0.5, 0.6),
-        dvec3(0.9, -1.2, -2.6),
-    );
-    let placements = [
-        place(0, DAffine3::from_translation(dvec3(-0.5, -1.4, -3.0))),
-        place(1, squeezed),
-        place(1, DAffine3::from_translation(dvec3(0.2, -1.5, -2.0))),
-        // To the right of the tilted part, mostly below its horizon.
-        place(0, DAffine3::from_translation(dvec3(2.4, -1.1, -2.8))),
-    ];
-    // A wide one, whose disc dips below the horizon of the tilted part, and a narrow one.
-    let lights = [FrameLight::new(2, vec3(0.5, 1.0, 0.3).normalize(), 0.9), FrameLight::new(0, Vec3::Y, 0.02)];
-    let settings = TraceSettings { ambient_rays: 5, shadow_rays: 3, max_distance: 2.5, ..TraceSettings::default() };
+/// What occludes: fields, and instances of them by the fields' numbers.
+struct Occluders {
+    fields: Vec<VisibilityField>,
+    placements: Vec<(Placement, usize)>,
+}
 
-    let instances: Vec<_> = placements.iter().map(|(p, field)| InstanceData::new(&slots[*field], p)).collect();
+impl Occluders {
+    fn new(fields: Vec<VisibilityField>, instances: impl IntoIterator<Item = (usize, DAffine3)>) -> Self {
+        let place = |(field, world_from_mesh): (usize, DAffine3)| {
+            let bounds = &fields[field].header().bounds;
+            (Placement::new(bounds, world_from_mesh, DVec3::ZERO).unwrap(), field)
+        };
+        Self { placements: instances.into_iter().map(place).collect(), fields }
+    }
+}
+
+/// The frame of the passes, and that of their twins, encoded alike.
+fn frames(
+    device: &wgpu::Device,
+    queue: &wgpu::Queue,
+    occluders: &Occluders,
+    lights: &[FrameLight],
+    settings: TraceSettings,
+) -> [Vec<Vec4>; 2] {
+    let geometry = geometry();
+    let mut pool = FieldPool::new(device);
+    let slots: Vec<_> = occluders.fields.iter().map(|field| pool.insert(device, queue, field).unwrap()).collect();
+    let instances: Vec<_> = occluders
+        .placements
+        .iter()
+        .map(|(placement, field)| InstanceData::new(&slots[*field], placement, settings.caps.is_some()))
+        .collect();
     let normals: Vec<u8> = geometry
         .normals
         .iter()
@@ -205,16 +211,16 @@ fn the_passes_compute_what_their_twins_compute() {
         .map(|v| v.round() as u8)
         .collect();
     let usages = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
-    let normal_texture = texture(&device, wgpu::TextureFormat::Rgba8Unorm, usages);
-    upload(&queue, &normal_texture, &normals, 4);
-    let depth_texture = depth_texture(&device, &queue, &geometry.depth);
-    let output = texture(&device, OUTPUT_FORMAT, wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC);
+    let normal_texture = texture(device, wgpu::TextureFormat::Rgba8Unorm, usages);
+    upload(queue, &normal_texture, &normals, 4);
+    let depth_texture = depth_texture(device, queue, &geometry.depth);
+    let output = texture(device, OUTPUT_FORMAT, wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC);
     let view_of = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     OcclusionPasses::check(&device.limits()).unwrap();
-    OcclusionPasses::new(&device).encode(
-        &device,
-        &queue,
+    OcclusionPasses::new(device).encode(
+        device,
+        queue,
         &mut encoder,
         &pool,
         &mut OcclusionView::new(),
@@ -225,34 +231,128 @@ fn the_passes_compute_what_their_twins_compute() {
             viewport: (ORIGIN, SIZE),
             world_from_clip: geometry.world_from_clip,
             instances: &instances,
-            lights: &lights,
+            lights,
             settings,
         },
     );
     queue.submit([encoder.finish()]);
-    let gpu = read_rgba16(&device, &queue, &output);
+    let gpu = read_rgba16(device, queue, &output);
+    for (pixel, depth) in gpu.iter().zip(&geometry.depth) {
+        assert!(*depth > 0.0 || *pixel == Vec4::new(1.0, 0.0, 0.0, 1.0), "the sky is not occluded: {pixel}");
+    }
 
     // The twin sees the normals as the texture holds them.
     let quantised = |n: &Vec3| ((*n + 1.0) * 127.5).round() / 127.5 - 1.0;
     let geometry = GeometryBuffer { normals: geometry.normals.iter().map(quantised).collect(), ..geometry };
-    let referenced: Vec<_> = placements.iter().map(|(p, field)| (*p, &fields[*field])).collect();
-    let cpu = denoise(&geometry, &trace(&geometry, &referenced, &lights, &settings));
+    let referenced: Vec<_> = occluders.placements.iter().map(|(p, field)| (*p, &occluders.fields[*field])).collect();
+    let cpu = occlusion(&geometry, &referenced, lights, &settings).into_iter();
+    [gpu, cpu.map(|cpu| Vec4::new(1.0 - cpu.x, cpu.y, cpu.z, 1.0 - cpu.w)).collect()]
+}
 
-    let mut touched = [0; 4];
-    let mut differing = 0;
-    for (i, (gpu, cpu)) in gpu.iter().zip(&cpu).enumerate() {
-        let encoded = Vec4::new(1.0 - cpu.x, cpu.y, cpu.z, 1.0 - cpu.w);
-        for (channel, count) in touched.iter_mut().enumerate() {
-            *count += usize::from(cpu[channel] > 0.05);
-        }
-        // A rounding difference moves a ray's table index at a cell border, and the ray's answer with it: seldom.
-        differing += usize::from((*gpu - encoded).abs().max_element() > 0.002);
-        if geometry.depth[i] == 0.0 {
-            assert_eq!(*gpu, Vec4::new(1.0, 0.0, 0.0, 1.0), "the sky is not occluded");
-        }
-    }
+/// How many pixels show occlusion, by channel, and how many differ by more than .002.
+fn compare([gpu, cpu]: &[Vec<Vec4>; 2]) -> ([usize; 4], usize) {
+    let unoccluded = Vec4::new(1.0, 0.0, 0.0, 1.0);
+    let touched = |channel: usize| cpu.iter().filter(|pixel| (**pixel - unoccluded)[channel].abs() > 0.05).count();
+    let differing = gpu.iter().zip(cpu).filter(|(gpu, cpu)| (**gpu - **cpu).abs().max_element() > 0.002).count();
+    let touched = std::array::from_fn(touched);
     println!("{differing} of {} pixels differ by more than 0.002; touched {touched:?}", gpu.len());
+    (touched, differing)
+}
+
+fn squeezed() -> DAffine3 {
+    DAffine3::from_scale_rotation_translation(
+        dvec3(0.4, -1.2, 0.7),
+        glam::DQuat::from_euler(EulerRot::XYZ, 0.4, 0.5, 0.6),
+        dvec3(0.9, -1.2, -2.6),
+    )
+}
+
+fn moved(x: f64, y: f64, z: f64) -> DAffine3 {
+    DAffine3::from_translation(dvec3(x, y, z))
+}
+
+/// A wide one, whose disc dips below the horizon of the tilted part, and a narrow one.
+fn lights() -> [FrameLight; 2] {
+    [FrameLight::new(2, vec3(0.5, 1.0, 0.3).normalize(), 0.9), FrameLight::new(0, Vec3::Y, 0.02)]
+}
+
+#[test]
+fn the_passes_compute_what_their_twins_compute() {
+    let Some((device, queue)) = device() else { return };
+    // The last one lies to the right of the tilted part, mostly below its horizon.
+    let instances =
+        [(0, moved(-0.5, -1.4, -3.0)), (1, squeezed()), (1, moved(0.2, -1.5, -2.0)), (0, moved(2.4, -1.1, -2.8))];
+    let occluders = Occluders::new(vec![ball_field(0.9, 33, 16), ball_field(0.5, 17, 9)], instances);
+    let settings = TraceSettings { ambient_rays: 5, shadow_rays: 3, max_distance: 2.5, ..TraceSettings::default() };
+    let frames = frames(&device, &queue, &occluders, &lights(), settings);
+    let (touched, differing) = compare(&frames);
     assert!(touched[0] > 200 && touched[1] > 50 && touched[3] > 50, "the frame shows something: {touched:?}");
     assert_eq!(touched[2], 0, "no light fills channel 1");
-    assert!(differing <= gpu.len() / 200, "{differing} of {} pixels differ", gpu.len());
+    // A rounding difference moves a ray's table index at a cell border, and the ray's answer with it: seldom.
+    assert!(differing <= frames[0].len() / 200, "{differing} pixels differ");
+}
+
+/// Balls with a cap grid alone, with both parts, and with a grid that must not be asked inside its box, and a table alone.
+fn caps_of_all_kinds() -> Vec<VisibilityField> {
+    let header = CapGridHeader { half_extents: [0.5; 3], ..CapGridHeader::default() };
+    let halves = CapGridFormat { precision: CapPrecision::F16, points: 9, ..CapGridFormat::DEFAULT };
+    let caps = |header: CapGridHeader| Some(cap_grid::ball(header));
+    let table = ball_field(0.5, 33, 16);
+    let field = |parts: FieldParts| VisibilityField::new(table.header().clone(), parts).unwrap();
+    let both =
+        FieldParts { cap_grid: caps(CapGridHeader { format: halves, ..header.clone() }), ..table.parts().clone() };
+    let untrusted = CapGridHeader { error: Some(CapGridError { outside: 0.0, inside: 1.0 }), ..header.clone() };
+    let outside_only = FieldParts { cap_grid: caps(untrusted), ..table.parts().clone() };
+    vec![field(FieldParts { cap_grid: caps(header), table: None }), field(both), field(outside_only), table.clone()]
+}
+
+#[test]
+fn the_caps_pass_computes_what_its_twin_computes() {
+    let Some((device, queue)) = device() else { return };
+    let turned = DAffine3::from_scale_rotation_translation(
+        dvec3(1.5, -1.5, 1.5),
+        glam::DQuat::from_euler(EulerRot::XYZ, 0.4, 0.5, 0.6),
+        dvec3(-0.7, -1.3, -3.0),
+    );
+    let instances = [
+        (0, turned),
+        (1, squeezed()),
+        (2, moved(0.2, -1.6, -2.0)),
+        (3, moved(-1.2, -1.5, -2.0)),
+        (0, moved(1.6, -1.4, -2.4)),
+    ];
+    let all = Occluders::new(caps_of_all_kinds(), instances);
+    let alone = Occluders::new(caps_of_all_kinds(), [instances[0], instances[1], instances[4]]);
+    let rules = [
+        CapCombination::Product,
+        CapCombination::SoftCaps { directions: 8 },
+        CapCombination::SoftCaps { directions: 16 },
+    ];
+    for combination in rules {
+        for (occluders, lights, max_distance) in [
+            (&all, &lights()[..], f32::INFINITY),
+            (&all, &[][..], 1.0),
+            (&alone, &[][..], f32::INFINITY),
+            (&alone, &lights()[..], 2.0),
+        ] {
+            let caps = Some(combination);
+            let settings =
+                TraceSettings { caps, ambient_rays: 5, shadow_rays: 3, max_distance, ..TraceSettings::default() };
+            let frames = frames(&device, &queue, occluders, lights, settings);
+            let (touched, differing) = compare(&frames);
+            assert!(touched[0] > 200, "the frame shows something: {touched:?}");
+            assert!(differing <= frames[0].len() / 200, "{combination:?}: {differing} pixels differ");
+        }
+    }
+}
+
+#[test]
+fn caps_alone_make_the_same_frame_again() {
+    let Some((device, queue)) = device() else { return };
+    let occluders = Occluders::new(caps_of_all_kinds(), [(0, squeezed()), (1, moved(0.2, -1.5, -2.0))]);
+    let settings = TraceSettings { caps: Some(CapCombination::default()), ..TraceSettings::default() };
+    let [first, _] = frames(&device, &queue, &occluders, &[], settings);
+    let [second, _] = frames(&device, &queue, &occluders, &[], settings);
+    assert!(first.iter().any(|pixel| pixel.x < 0.9), "the frame shows something");
+    assert!(first == second, "bit for bit");
 }

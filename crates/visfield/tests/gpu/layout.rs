@@ -8,7 +8,9 @@ use visfield::gpu::layout::{FrameUniform, InstanceData, LightData};
 fn parse(source: &str) -> naga::Module {
     let module =
         naga::front::wgsl::parse_str(source).unwrap_or_else(|error| panic!("{}", error.emit_to_string(source)));
-    Validator::new(ValidationFlags::all(), Capabilities::default())
+    // WebGPU has it, and so have all its native backends.
+    let capabilities = Capabilities::default() | Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+    Validator::new(ValidationFlags::all(), capabilities)
         .validate(&module)
         .unwrap_or_else(|error| panic!("{}", error.emit_to_string(source)));
     module
@@ -27,6 +29,7 @@ fn shaders_validate() {
     let entry_points = |source: String| -> Vec<String> {
         parse(&source).entry_points.into_iter().map(|entry_point| entry_point.name).collect()
     };
+    assert_eq!(entry_points(visfield::gpu::caps_source()), ["caps"]);
     assert_eq!(entry_points(visfield::gpu::trace_source()), ["trace"]);
     assert_eq!(entry_points(visfield::gpu::denoise_source()), ["denoise_rows", "denoise_columns"]);
 }
@@ -40,12 +43,17 @@ fn rust_layouts_are_the_shaders_layouts() {
         size_of::<InstanceData>(),
         &[
             ("field_from_world", offset_of!(InstanceData, field_from_world)),
+            ("cap_from_world", offset_of!(InstanceData, cap_from_world)),
             ("center", offset_of!(InstanceData, center)),
             ("radius", offset_of!(InstanceData, radius)),
             ("first_byte", offset_of!(InstanceData, first_byte)),
             ("entries", offset_of!(InstanceData, entries)),
             ("exits", offset_of!(InstanceData, exits)),
             ("encoding", offset_of!(InstanceData, encoding)),
+            ("cap_first_word", offset_of!(InstanceData, cap_first_word)),
+            ("ambient_source", offset_of!(InstanceData, ambient_source)),
+            ("stretched", offset_of!(InstanceData, stretched)),
+            ("padding", offset_of!(InstanceData, padding)),
         ],
     );
     assert_layout(
@@ -76,7 +84,10 @@ fn rust_layouts_are_the_shaders_layouts() {
             ("max_distance", offset_of!(FrameUniform, max_distance)),
             ("bias_height", offset_of!(FrameUniform, bias_height)),
             ("bias_along", offset_of!(FrameUniform, bias_along)),
-            ("padding", offset_of!(FrameUniform, padding)),
+            ("caps", offset_of!(FrameUniform, caps)),
+            ("soft_caps", offset_of!(FrameUniform, soft_caps)),
+            ("cap_directions", offset_of!(FrameUniform, cap_directions)),
+            ("caps_origin", offset_of!(FrameUniform, caps_origin)),
             ("lights", offset_of!(FrameUniform, lights)),
         ],
     );

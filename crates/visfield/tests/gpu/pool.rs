@@ -26,7 +26,7 @@ fn tables_survive_growth_and_removal() {
 
     let content = read_buffer(&device, &queue, pool.buffer(), before.buffer_bytes);
     for (slot, field) in slots.iter().zip(&fields) {
-        let start = slot.first_byte() as usize;
+        let start = slot.table().unwrap().first_byte as usize;
         let table = field.table().unwrap().bytes();
         assert!(content[start..start + table.len()] == *table, "table at {start}");
     }

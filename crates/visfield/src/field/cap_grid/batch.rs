@@ -25,17 +25,16 @@ impl CapGrid {
             fraction.set(lane, at.fraction);
             weight[lane] = at.weight;
         }
+        let [low, step] = self.low_and_step(plane);
         let mut four = [[0.0; N]; 4];
         match self.header.format.precision {
             CapPrecision::U8 => {
                 let words = self.corners::<N>(&first, self.first_word(plane), 1, 0);
                 for i in 0..4 {
                     // Interpolating bytes is interpolating what they stand for.
-                    let (low, step) =
-                        (self.header.low[plane * 4 + i], self.header.range[plane * 4 + i] * (1.0 / 255.0));
                     for lane in 0..N {
                         let byte = |corner: usize| ((words[corner][lane] >> (8 * i)) & 0xff) as f32;
-                        four[i][lane] = (low + step * interpolate(byte, &fraction, lane)) * weight[lane];
+                        four[i][lane] = (low[i] + step[i] * interpolate(byte, &fraction, lane)) * weight[lane];
                     }
                 }
             }
@@ -45,7 +44,7 @@ impl CapGrid {
                     for lane in 0..N {
                         let half =
                             |corner: usize| f16::from_bits((words[corner][lane] >> (16 * (i % 2))) as u16).to_f32();
-                        four[i][lane] = interpolate(half, &fraction, lane) * weight[lane];
+                        four[i][lane] = (low[i] + step[i] * interpolate(half, &fraction, lane)) * weight[lane];
                     }
                 }
             }

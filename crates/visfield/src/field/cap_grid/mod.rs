@@ -14,6 +14,7 @@ pub mod cap;
 pub mod harmonics;
 pub mod warp;
 
+use std::array;
 use std::fmt;
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
@@ -389,13 +390,13 @@ impl CapGrid {
         let mut bytes = Vec::with_capacity(header.format.bytes() as usize);
         for plane in (0..count).step_by(4) {
             for point in scaled {
-                for i in plane..plane + 4 {
+                for (i, x) in point.iter().enumerate().skip(plane).take(4) {
                     match header.format.precision {
                         CapPrecision::U8 => {
-                            let share = (point[i] - header.low[i]) / header.range[i].max(f32::MIN_POSITIVE);
+                            let share = (x - header.low[i]) / header.range[i].max(f32::MIN_POSITIVE);
                             bytes.push((share * 255.0).round() as u8);
                         }
-                        CapPrecision::F16 => bytes.extend(f16::from_f32(point[i]).to_le_bytes()),
+                        CapPrecision::F16 => bytes.extend(f16::from_f32(*x).to_le_bytes()),
                     }
                 }
             }
@@ -421,6 +422,17 @@ impl CapGrid {
     /// The warp of each axis.
     pub fn warps(&self) -> &[AxisWarp; 3] {
         &self.warps
+    }
+
+    /// What 0 stands for, and a step of what is stored, for each of four coefficients: as numbers are stored, value = low +
+    /// step · number.
+    #[inline(always)]
+    pub(crate) fn low_and_step(&self, plane: usize) -> [[f32; 4]; 2] {
+        let four = |numbers: &[f32]| array::from_fn(|i| numbers[plane * 4 + i]);
+        match self.header.format.precision {
+            CapPrecision::U8 => [four(&self.header.low), four(&self.header.range).map(|range| range * (1.0 / 255.0))],
+            CapPrecision::F16 => [[0.0; 4], [1.0; 4]],
+        }
     }
 
     /// The harmonics of bands 0 and 1 of what is occluded as seen from a point: (O₀₀, O₁ along x, y, z).
@@ -457,10 +469,14 @@ impl CapGrid {
         harmonics::disc_mean(&self.all_harmonics(position), axis, half_angle).clamp(0.0, 1.0)
     }
 
-    /// Whether the grid should not be asked at a position: inside a box within which it is known to be wrong.
-    pub fn fails_at(&self, position: Vec3) -> bool {
-        let inside = position.abs().cmple(self.header.half_extents_in_cap_space()).all();
-        inside && self.header.error.is_some_and(|error| !error.serves_inside())
+    /// Whether a position lies inside the mesh's bounding box.
+    pub fn contains(&self, position: Vec3) -> bool {
+        position.abs().cmple(self.header.half_extents_in_cap_space()).all()
+    }
+
+    /// Whether receivers inside the mesh's bounding box can be answered too, as far as is known.
+    pub fn serves_inside(&self) -> bool {
+        self.header.error.is_none_or(|error| error.serves_inside())
     }
 }
 
@@ -483,8 +499,8 @@ impl GridPoint {
     /// distance.
     #[inline(always)]
     pub(super) fn new(warps: &[AxisWarp; 3], points: u32, position: Vec3) -> Self {
-        // NaN becomes far away too.
-        let within = |x: f32| x.max(-FARTHEST).min(FARTHEST);
+        // Not `clamp`, which keeps NaN.
+        let within = |x: f32| f32::min(x.max(-FARTHEST), FARTHEST);
         let position = Vec3::new(within(position.x), within(position.y), within(position.z));
         let [x, y, z] = warps;
         let beyond = position.abs() * Vec3::new(x.inverse_extent, y.inverse_extent, z.inverse_extent);

@@ -1,0 +1,293 @@
+// The caps pass: ambient occlusion by cap grids, without rays and without noise. Twins: field/cap_grid/{warp,cap,mod,batch}.rs
+// and estimate/caps.rs, same names, same order of operations. Joined after frame.wgsl and instance.wgsl.
+
+// Points of the sphere (64 × ambient_rays), points of the disc (16 × shadow_rays), then one point of the sphere for each
+// direction along which caps are combined.
+@group(0) @binding(5) var<storage, read> samples: array<vec4<f32>>;
+// Ambient visibility in r; the other channels read as "no shadows".
+@group(0) @binding(6) var caps_texture: texture_storage_2d<rgba16float, write>;
+
+const MAX_DIRECTIONS: u32 = 16u;
+const Y0: f32 = 0.2820948;
+const Y1: f32 = 0.4886025;
+const TAU: f32 = 6.2831855;
+const SMALLEST_SOLID_ANGLE: f32 = 1.0e-6;
+const CUTOFF: f32 = 1.0 / 255.0;
+const CONTACT_REACH: f32 = 0.06;
+const KNEE: f32 = 0.65;
+const FARTHEST: f32 = 1.0e12;
+const SMALLEST_MEAN: f32 = 1.0e-4;
+const SMALLEST: f32 = 1.1754944e-38;
+const MEAN_COSINE: f32 = 2.0 / 3.0;
+
+// What a grid starts with in `tables` (gpu/pool.rs): points, precision, five numbers for each axis, half the sides of the box,
+// then for four coefficients the value of 0 and of a step.
+const CAP_POINTS: u32 = 0u;
+const CAP_PRECISION: u32 = 1u;
+const CAP_WARPS: u32 = 2u;
+const CAP_LOW: u32 = 20u;
+const CAP_STEP: u32 = 24u;
+const CAP_TEXELS: u32 = 28u;
+const PRECISION_U8: u32 = 0u;
+
+// Twin: AxisWarp.
+struct AxisWarp {
+    knee: f32,
+    slope: f32,
+    inverse_slope: f32,
+    curvature: f32,
+    inverse_extent: f32,
+}
+
+struct GridPoint {
+    first: vec3<f32>,
+    fraction: vec3<f32>,
+    weight: f32,
+}
+
+struct Cap {
+    axis: vec3<f32>,
+    cosine: f32,
+    opacity: f32,
+}
+
+// What a receiver gets from all objects.
+struct Ambient {
+    bent_normal: vec3<f32>,
+    occlusion: f32,
+}
+
+fn axis_warp(instance: Instance, axis: u32) -> AxisWarp {
+    let first = CAP_WARPS + 5u * axis;
+    return AxisWarp(
+        cap_number(instance, first),
+        cap_number(instance, first + 1u),
+        cap_number(instance, first + 2u),
+        cap_number(instance, first + 3u),
+        cap_number(instance, first + 4u),
+    );
+}
+
+fn coordinate(warp: AxisWarp, position: f32) -> f32 {
+    let beyond = abs(position) - warp.knee;
+    let outer = KNEE + beyond / (warp.slope + warp.curvature * beyond);
+    let inner = abs(position) * warp.inverse_slope;
+    let u = select(inner, outer, beyond > 0.0);
+    return select(u, -u, position < 0.0);
+}
+
+fn storage_scale(position: vec3<f32>) -> f32 {
+    return max(dot(position, position), 1.0);
+}
+
+fn grid_point(instance: Instance, far_position: vec3<f32>) -> GridPoint {
+    let position = clamp(far_position, vec3<f32>(-FARTHEST), vec3<f32>(FARTHEST));
+    let x = axis_warp(instance, 0u);
+    let y = axis_warp(instance, 1u);
+    let z = axis_warp(instance, 2u);
+    let beyond = abs(position) * vec3<f32>(x.inverse_extent, y.inverse_extent, z.inverse_extent);
+    let pull = 1.0 / max(max(max(beyond.x, beyond.y), beyond.z), 1.0);
+    let pulled = position * pull;
+    let u = vec3<f32>(coordinate(x, pulled.x), coordinate(y, pulled.y), coordinate(z, pulled.z));
+    let last = f32(tables[instance.cap_first_word + CAP_POINTS] - 1u);
+    let grid = clamp((u + 1.0) * (0.5 * last), vec3<f32>(0.0), vec3<f32>(last));
+    let first = min(floor(grid), vec3<f32>(last - 1.0));
+    return GridPoint(first, grid - first, pull * pull / storage_scale(pulled));
+}
+
+// Four numbers of one grid point, as they are stored.
+fn texel(instance: Instance, index: u32) -> vec4<f32> {
+    let texels = instance.cap_first_word + CAP_TEXELS;
+    if tables[instance.cap_first_word + CAP_PRECISION] == PRECISION_U8 {
+        return unpack4x8unorm(tables[texels + index]) * 255.0;
+    }
+    return vec4<f32>(unpack2x16float(tables[texels + 2u * index]), unpack2x16float(tables[texels + 2u * index + 1u]));
+}
+
+// The first four harmonics at a position, interpolated.
+fn harmonics_at(instance: Instance, position: vec3<f32>) -> vec4<f32> {
+    let at = grid_point(instance, position);
+    let side = tables[instance.cap_first_word + CAP_POINTS];
+    let first = (u32(at.first.z) * side + u32(at.first.y)) * side + u32(at.first.x);
+    var layers = array<vec4<f32>, 2>();
+    for (var z = 0u; z < 2u; z++) {
+        let corner = first + z * side * side;
+        let near_row = between(texel(instance, corner), texel(instance, corner + 1u), at.fraction.x);
+        let far_row = between(texel(instance, corner + side), texel(instance, corner + side + 1u), at.fraction.x);
+        layers[z] = between(near_row, far_row, at.fraction.y);
+    }
+    let stored = between(layers[0], layers[1], at.fraction.z);
+    return (cap_numbers(instance, CAP_LOW) + cap_numbers(instance, CAP_STEP) * stored) * at.weight;
+}
+
+fn between(a: vec4<f32>, b: vec4<f32>, share: f32) -> vec4<f32> {
+    return a + (b - a) * share;
+}
+
+fn cap_numbers(instance: Instance, index: u32) -> vec4<f32> {
+    return vec4<f32>(
+        cap_number(instance, index),
+        cap_number(instance, index + 1u),
+        cap_number(instance, index + 2u),
+        cap_number(instance, index + 3u),
+    );
+}
+
+fn cap(harmonics: vec4<f32>) -> Cap {
+    let o1 = harmonics.yzw;
+    let length = sqrt(dot(o1, o1));
+    let present = harmonics.x * (1.0 / Y0) > SMALLEST_SOLID_ANGLE;
+    let solid_angle = select(SMALLEST_SOLID_ANGLE, min(harmonics.x * (1.0 / Y0), 2.0 * TAU), present);
+    let mean_cosine = min(length * (1.0 / Y1) / solid_angle, 1.0);
+    let cosine = 2.0 * mean_cosine - 1.0;
+    let area = TAU * (1.0 - cosine);
+    let fits = area > solid_angle;
+    let opacity = select(1.0, solid_angle / max(area, SMALLEST), fits);
+    return Cap(
+        o1 * (1.0 / max(length, SMALLEST)),
+        select(1.0 - solid_angle / TAU, cosine, fits),
+        select(0.0, opacity, present),
+    );
+}
+
+fn soft_occlusion(seen: Cap, direction: vec3<f32>, softness: f32) -> f32 {
+    let sine = sqrt(max(1.0 - seen.cosine * seen.cosine, 0.0));
+    let soft_sine = sqrt(1.0 - softness * softness);
+    let outer = select(seen.cosine * softness - sine * soft_sine, -1.0, seen.cosine < -softness);
+    let inner = select(seen.cosine * softness + sine * soft_sine, 1.0, seen.cosine > softness);
+    let t = clamp((dot(seen.axis, direction) - outer) / (inner - outer), 0.0, 1.0);
+    return seen.opacity * t * t * (3.0 - 2.0 * t);
+}
+
+fn cap_occlusion(harmonics: vec4<f32>, seen: Cap, normal: vec3<f32>) -> f32 {
+    let facing = dot(seen.axis, normal);
+    let sine_squared = 1.0 - seen.cosine * seen.cosine;
+    let second = seen.opacity * sine_squared * seen.cosine * (3.0 * facing * facing - 1.0) * (5.0 / 32.0);
+    let occlusion = Y0 * harmonics.x + (2.0 / 3.0 * Y1) * dot(harmonics.yzw, normal) + second;
+    return select(0.0, min(occlusion, 1.0), occlusion > 0.0);
+}
+
+fn above_cutoff(occlusion: f32) -> f32 {
+    return occlusion * clamp(occlusion * (1.0 / CUTOFF) - 1.0, 0.0, 1.0);
+}
+
+fn contact_occlusion(distance: f32, radius: f32, facing: f32) -> f32 {
+    return clamp(1.0 - distance / (CONTACT_REACH * radius), 0.0, 1.0) * (1.0 - facing) * 0.5;
+}
+
+fn unit(v: vec3<f32>) -> vec3<f32> {
+    return v * (1.0 / max(sqrt(dot(v, v)), SMALLEST));
+}
+
+fn reach_of(instance: Instance, position: vec3<f32>) -> f32 {
+    let to_center = instance.center - position;
+    let squared = dot(to_center, to_center);
+    let nearest = sqrt(squared) - instance.radius;
+    let share = clamp((frame.max_distance - nearest) / (2.0 * instance.radius), 0.0, 1.0);
+    return select(0.0, share, instance.radius * instance.radius > CUTOFF * squared);
+}
+
+fn mean(values: ptr<function, array<f32, MAX_DIRECTIONS>>) -> f32 {
+    var sum = 0.0;
+    for (var k = 0u; k < frame.cap_directions; k++) {
+        sum += (*values)[k];
+    }
+    return sum / f32(frame.cap_directions);
+}
+
+fn distribute(soft: ptr<function, array<f32, MAX_DIRECTIONS>>, occlusion: f32) {
+    for (var pass_number = 0u; pass_number < 2u; pass_number++) {
+        let scale = occlusion / max(mean(soft), SMALLEST_MEAN);
+        for (var k = 0u; k < frame.cap_directions; k++) {
+            (*soft)[k] = min((*soft)[k] * scale, 1.0);
+        }
+    }
+    let found = mean(soft);
+    let share = clamp((occlusion - found) / max(1.0 - found, SMALLEST_MEAN), 0.0, 1.0);
+    for (var k = 0u; k < frame.cap_directions; k++) {
+        (*soft)[k] += (1.0 - (*soft)[k]) * share;
+    }
+}
+
+// How far each direction of the world is occluded.
+fn soften(
+    instance: Instance,
+    seen: Cap,
+    directions: ptr<function, array<vec3<f32>, MAX_DIRECTIONS>>,
+    soft: ptr<function, array<f32, MAX_DIRECTIONS>>,
+) {
+    let softness = 1.0 - 0.7 / f32(frame.cap_directions);
+    for (var k = 0u; k < frame.cap_directions; k++) {
+        let direction = unit(transform(instance.cap_from_world, vec4<f32>((*directions)[k], 0.0)));
+        (*soft)[k] = soft_occlusion(seen, direction, softness);
+    }
+}
+
+fn ambient(receiver: Receiver) -> Ambient {
+    let first_sample = frame.ambient_rays * 64u + frame.shadow_rays * 16u;
+    var directions = array<vec3<f32>, MAX_DIRECTIONS>();
+    var visible = array<f32, MAX_DIRECTIONS>();
+    for (var k = 0u; k < frame.cap_directions; k++) {
+        directions[k] = cosine_direction(receiver.normal, samples[first_sample + k].xyz);
+        visible[k] = 1.0;
+    }
+    var open = receiver.normal * MEAN_COSINE;
+    for (var i = 0u; i < frame.instance_count; i++) {
+        let source = instances[i].ambient_source;
+        if source != AMBIENT_CAP_GRID && source != AMBIENT_CAP_GRID_WITH_RAYS_INSIDE {
+            continue;
+        }
+        let reach = reach_of(instances[i], receiver.position);
+        if reach <= 0.0 {
+            continue;
+        }
+        let position = transform(instances[i].cap_from_world, vec4<f32>(receiver.position, 1.0));
+        if source == AMBIENT_CAP_GRID_WITH_RAYS_INSIDE && contains(instances[i], position) {
+            continue;
+        }
+        let harmonics = harmonics_at(instances[i], position);
+        let seen = cap(harmonics);
+        let normal = unit(transform(instances[i].cap_from_world, vec4<f32>(receiver.normal, 0.0)));
+        var occlusion = cap_occlusion(harmonics, seen, normal);
+        var soft = array<f32, MAX_DIRECTIONS>();
+        let stretched = instances[i].stretched;
+        if stretched > 0.0 {
+            soften(instances[i], seen, &directions, &soft);
+            occlusion += (mean(&soft) - occlusion) * stretched;
+        }
+        occlusion = above_cutoff(occlusion * reach);
+        if occlusion <= 0.0 {
+            continue;
+        }
+        let rows = instances[i].cap_from_world;
+        let towards = unit(rows[0].xyz * seen.axis.x + rows[1].xyz * seen.axis.y + rows[2].xyz * seen.axis.z);
+        open -= towards * occlusion;
+        if frame.soft_caps == 0u {
+            visible[0] *= 1.0 - occlusion;
+            continue;
+        }
+        if stretched <= 0.0 {
+            soften(instances[i], seen, &directions, &soft);
+        }
+        distribute(&soft, occlusion);
+        for (var k = 0u; k < frame.cap_directions; k++) {
+            visible[k] *= 1.0 - soft[k];
+        }
+    }
+    let visibility = select(visible[0], mean(&visible), frame.soft_caps != 0u);
+    return Ambient(unit(open), 1.0 - visibility);
+}
+
+@compute @workgroup_size(8, 8)
+fn caps(@builtin(global_invocation_id) id: vec3<u32>) {
+    let pixel = id.xy;
+    if any(pixel >= frame.viewport_size) {
+        return;
+    }
+    let receiver = receiver_at(pixel);
+    var occlusion = 0.0;
+    if receiver.depth > 0.0 {
+        occlusion = ambient(receiver).occlusion;
+    }
+    textureStore(caps_texture, pixel + frame.caps_origin, vec4<f32>(1.0 - occlusion, 0.0, 0.0, 1.0));
+}
