@@ -8,8 +8,9 @@ pub const Y0: f32 = 0.282_094_8;
 pub const Y1: f32 = 0.488_602_5;
 /// Solid angle in steradians below which nothing is there.
 const SMALLEST_SOLID_ANGLE: f32 = 1.0e-6;
-/// Occlusion up to which an object does not count; from there to twice as much it fades in, so that nothing pops.
-pub const CUTOFF: f32 = 1.0 / 255.0;
+/// Occlusion up to which an object does not count; from there to twice as much it fades in, so that nothing pops. An eighth of
+/// a step of an 8-bit picture: among many objects, a whole step each is missed.
+pub const CUTOFF: f32 = 1.0 / 2040.0;
 /// Height above a surface, in bounding radii, up to which the contact term reaches.
 pub const CONTACT_REACH: f32 = 0.06;
 
