@@ -8,6 +8,7 @@ use crate::estimate::caps::{AmbientSource, CapCombination, CapPlacement};
 use crate::estimate::frame::{FrameLight, MAX_LIGHTS, TraceSettings};
 use crate::estimate::sampling::sphere_samples;
 use crate::field::cap_grid::CapPrecision;
+use crate::field::cap_grid::warp::AxisWarp;
 use crate::field::{CapGrid, Encoding};
 use crate::scene::Placement;
 
@@ -36,8 +37,8 @@ pub struct InstanceData {
     /// How the table is encoded: 0 for [`Encoding::U8`], 1 for [`Encoding::Bit`], 2 for [`Encoding::U16`], 3 for
     /// [`Encoding::F32`].
     pub encoding: u32,
-    /// Where the field's cap grid starts in the pool, in words.
-    pub cap_first_word: u32,
+    /// The number of the field's cap grid: where it starts in the pool, in headers.
+    pub cap_grid: u32,
     /// Which part answers ambient occlusion: 0 for [`AmbientSource::None`], 1 for [`AmbientSource::Rays`], 2 for
     /// [`AmbientSource::CapGrid`], 3 for [`AmbientSource::CapGridWithRaysInside`].
     pub ambient_source: u32,
@@ -69,7 +70,7 @@ impl InstanceData {
             let cap = CapPlacement::new(&grid.cap_from_field, placement);
             data.cap_from_world = rows(&cap.cap_from_world);
             data.stretched = cap.stretched;
-            data.cap_first_word = grid.first_word;
+            data.cap_grid = grid.number;
         }
         data
     }
@@ -95,23 +96,67 @@ fn rows(map: &Affine3A) -> [[f32; 4]; 3] {
     [0, 1, 2].map(|i| map.matrix3.row(i).extend(map.translation[i]).to_array())
 }
 
-/// A cap grid as `shaders/caps.wgsl` reads it: points, precision (0 for bytes), the warps of the axes, half the sides of the
-/// box; then for each four coefficients what 0 and a step of theirs stand for, and the points.
-pub fn cap_grid_words(grid: &CapGrid) -> Vec<u32> {
-    let header = grid.header();
-    let mut words = vec![header.format.points, u32::from(header.format.precision != CapPrecision::U8)];
-    let mut push = |numbers: &[f32]| words.extend(numbers.iter().map(|x| x.to_bits()));
-    for warp in grid.warps() {
-        push(&[warp.knee, warp.slope, warp.inverse_slope, warp.curvature, warp.inverse_extent]);
+/// What a cap grid starts with in the pool, `CapGrid` in `shaders/instance.wgsl`. Its points follow.
+///
+/// ```
+/// assert_eq!(size_of::<visfield::gpu::layout::CapGridData>(), 128);
+/// ```
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct CapGridData {
+    /// Of each axis, [`AxisWarp::knee`](crate::field::cap_grid::warp::AxisWarp::knee).
+    pub knee: [f32; 3],
+    /// Grid points along each axis.
+    pub points: u32,
+    /// Of each axis, how wide its linear part is.
+    pub slope: [f32; 3],
+    /// 0 for bytes, 1 for halves.
+    pub encoding: u32,
+    /// 1 / `slope`.
+    pub inverse_slope: [f32; 3],
+    /// First word of the points in the pool.
+    pub first_texel: u32,
+    /// Of each axis, how fast its rational part widens.
+    pub curvature: [f32; 3],
+    /// Fills 16 bytes.
+    pub padding: u32,
+    /// Of each axis, 1 over where the grid ends.
+    pub inverse_extent: [f32; 3],
+    /// Fills 16 bytes.
+    pub padding_2: u32,
+    /// Half the sides of the mesh's box in cap space.
+    pub half_extents: [f32; 3],
+    /// Fills 16 bytes.
+    pub padding_3: u32,
+    /// What a stored 0 stands for, of the first four coefficients.
+    pub low: [f32; 4],
+    /// What a step stands for.
+    pub step: [f32; 4],
+}
+
+impl CapGridData {
+    /// A grid whose points start at a word of the pool.
+    pub fn new(grid: &CapGrid, first_texel: u32) -> Self {
+        let header = grid.header();
+        let axes = |number: fn(&AxisWarp) -> f32| grid.warps().each_ref().map(number);
+        let [low, step] = grid.low_and_step(0);
+        Self {
+            knee: axes(|warp| warp.knee),
+            points: header.format.points,
+            slope: axes(|warp| warp.slope),
+            encoding: u32::from(header.format.precision != CapPrecision::U8),
+            inverse_slope: axes(|warp| warp.inverse_slope),
+            first_texel,
+            curvature: axes(|warp| warp.curvature),
+            padding: 0,
+            inverse_extent: axes(|warp| warp.inverse_extent),
+            padding_2: 0,
+            half_extents: header.half_extents_in_cap_space().to_array(),
+            padding_3: 0,
+            low,
+            step,
+        }
     }
-    push(&header.half_extents_in_cap_space().to_array());
-    let planes = header.format.order.coefficients() / 4;
-    for (plane, points) in grid.words().chunks(grid.words().len() / planes).enumerate() {
-        let [low, step] = grid.low_and_step(plane);
-        words.extend(low.iter().chain(&step).map(|x| x.to_bits()));
-        words.extend(points);
-    }
-    words
 }
 
 /// A source of ambient occlusion as shaders know it.
@@ -200,12 +245,10 @@ pub struct FrameUniform {
     pub bias_along: f32,
     /// Whether the caps pass comes before, and its result is part of the frame's.
     pub caps: u32,
-    /// Whether cap grids combine as soft caps, not as a product.
-    pub soft_caps: u32,
-    /// Over how many directions cap grids are looked at.
-    pub cap_directions: u32,
     /// First pixel of what the caps pass writes.
     pub caps_origin: [u32; 2],
+    /// Aligns the lights.
+    pub padding: [u32; 2],
     /// The lights, the first `light_count` of them in use.
     pub lights: [LightData; MAX_LIGHTS],
 }
@@ -239,9 +282,8 @@ impl FrameUniform {
             bias_height: settings.bias.height,
             bias_along: settings.bias.along,
             caps: u32::from(caps.is_some()),
-            soft_caps: u32::from(matches!(settings.caps, Some(CapCombination::SoftCaps { .. }))),
-            cap_directions: settings.caps.unwrap_or_default().directions() as u32,
             caps_origin: caps.unwrap_or_default().to_array(),
+            padding: [0; 2],
             lights: data,
         }
     }

@@ -43,7 +43,8 @@ pub enum MissingCapability {
 /// ```
 #[derive(Debug)]
 pub struct OcclusionPasses {
-    caps: wgpu::ComputePipeline,
+    /// By [`CapCombination`]: product, soft caps over 8 and over 16 directions.
+    caps: [wgpu::ComputePipeline; 3],
     trace: wgpu::ComputePipeline,
     denoise_rows: wgpu::ComputePipeline,
     denoise_columns: wgpu::ComputePipeline,
@@ -100,7 +101,7 @@ impl OcclusionPasses {
     /// [`MissingCapability`] names the first limit that is too low.
     pub fn check(limits: &wgpu::Limits) -> Result<(), MissingCapability> {
         let needs = [
-            ("max_storage_buffers_per_shader_stage", 3, limits.max_storage_buffers_per_shader_stage),
+            ("max_storage_buffers_per_shader_stage", 4, limits.max_storage_buffers_per_shader_stage),
             ("max_storage_textures_per_shader_stage", 1, limits.max_storage_textures_per_shader_stage),
             ("max_compute_invocations_per_workgroup", 64, limits.max_compute_invocations_per_workgroup),
         ];
@@ -119,21 +120,23 @@ impl OcclusionPasses {
         let caps = module("field occlusion caps", caps_source());
         let trace = module("field occlusion trace", trace_source());
         let denoise = module("field occlusion denoise", denoise_source());
-        let pipeline = |module: &wgpu::ShaderModule, entry_point| {
+        let pipeline = |module: &wgpu::ShaderModule, entry_point, constants: &[(&str, f64)]| {
             device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(entry_point),
                 layout: None,
                 module,
                 entry_point: Some(entry_point),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
                 cache: None,
             })
         };
+        let caps_pipeline =
+            |soft, directions| pipeline(&caps, "caps", &[("SOFT_CAPS", soft), ("DIRECTIONS", directions)]);
         Self {
-            caps: pipeline(&caps, "caps"),
-            trace: pipeline(&trace, "trace"),
-            denoise_rows: pipeline(&denoise, "denoise_rows"),
-            denoise_columns: pipeline(&denoise, "denoise_columns"),
+            caps: [caps_pipeline(0.0, 8.0), caps_pipeline(1.0, 8.0), caps_pipeline(1.0, 16.0)],
+            trace: pipeline(&trace, "trace", &[]),
+            denoise_rows: pipeline(&denoise, "denoise_rows", &[]),
+            denoise_columns: pipeline(&denoise, "denoise_columns", &[]),
         }
     }
 
@@ -170,7 +173,8 @@ impl OcclusionPasses {
         queue.write_buffer(instances, 0, bytemuck::cast_slice(inputs.instances));
         let texture = wgpu::BindingResource::TextureView;
         let surfaces = [frame.as_entire_binding(), texture(inputs.depth), texture(inputs.normals)];
-        let occluders = [pool.buffer().as_entire_binding(), instances.as_entire_binding(), samples.as_entire_binding()];
+        let pool = pool.buffer().as_entire_binding();
+        let occluders = [pool.clone(), instances.as_entire_binding(), pool, samples.as_entire_binding()];
         let mut run = |label, pipeline, bindings: &[&[wgpu::BindingResource]]| {
             let bind_group = bind_in_order(device, label, pipeline, &bindings.concat());
             let mut pass =
@@ -179,9 +183,14 @@ impl OcclusionPasses {
             pass.set_bind_group(0, &bind_group, &[]);
             pass.dispatch_workgroups(size.x.div_ceil(WORKGROUP_SIDE), size.y.div_ceil(WORKGROUP_SIDE), 1);
         };
-        if caps {
+        if let Some(combination) = settings.caps.filter(|_| caps) {
+            let pipeline = match (combination, combination.directions()) {
+                (CapCombination::Product, _) => &self.caps[0],
+                (CapCombination::SoftCaps { .. }, 8) => &self.caps[1],
+                (CapCombination::SoftCaps { .. }, _) => &self.caps[2],
+            };
             let output = texture(caps_texture.as_ref().unwrap_or(inputs.output));
-            run("field occlusion caps", &self.caps, &[&surfaces, &occluders, &[output]]);
+            run("field occlusion caps", pipeline, &[&surfaces, &occluders, &[output]]);
         }
         if let Some([noisy, rows]) = &filter {
             run("field occlusion trace", &self.trace, &[&surfaces, &occluders, &[texture(noisy)]]);

@@ -4,12 +4,15 @@ use glam::Affine3A;
 use range_alloc::RangeAllocator;
 use thiserror::Error;
 
-use super::layout::cap_grid_words;
+use super::layout::CapGridData;
 use crate::field::lookup::{Grid, TwoPointGrid};
-use crate::field::{BoundingEllipsoid, ChordTable, Encoding, VisibilityField};
+use crate::field::{BoundingEllipsoid, CapGrid, ChordTable, Encoding, VisibilityField};
 
 /// First size of the buffer in words: next to nothing, for scenes without fields.
 const FIRST_WORDS: u64 = 1024;
+
+/// Words of what a cap grid starts with.
+const HEADER_WORDS: u64 = (size_of::<CapGridData>() / 4) as u64;
 
 /// Why a field cannot be uploaded.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -58,8 +61,8 @@ pub struct TableSlot {
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct CapGridSlot {
-    /// Where the grid starts, in words.
-    pub first_word: u32,
+    /// Where the grid starts, in headers: it is aligned to them.
+    pub number: u32,
     /// [`CapGrid::serves_inside`](crate::CapGrid::serves_inside)
     pub serves_inside: bool,
     /// From field space to that of the grid.
@@ -130,7 +133,7 @@ impl FieldPool {
         let limits = device.limits();
         // Positions are u32 byte offsets in the shader.
         let limit_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(u64::from(u32::MAX));
-        let limit_words = limit_bytes / 4;
+        let limit_words = limit_bytes / 4 / HEADER_WORDS * HEADER_WORDS;
         let first = FIRST_WORDS.min(limit_words);
         Self {
             buffer: create_buffer(device, first),
@@ -157,9 +160,13 @@ impl FieldPool {
             None => None,
         };
         let table = field.table().map_or(&[][..], ChordTable::bytes);
-        let caps = field.cap_grid().map(cap_grid_words).unwrap_or_default();
+        let texels = field.cap_grid().map_or(&[][..], CapGrid::words);
+        // The table, then whole headers: that of the grid, and room for its points. All places are whole headers too, so that
+        // a grid starts at one.
         let table_words = (table.len() as u64).div_ceil(4);
-        let words = table_words + caps.len() as u64;
+        let header_words = table_words.next_multiple_of(HEADER_WORDS);
+        let caps_words = field.cap_grid().map_or(0, |_| HEADER_WORDS + texels.len() as u64);
+        let words = (header_words + caps_words).next_multiple_of(HEADER_WORDS);
         let range = if let Ok(range) = self.words.allocate_range(words) {
             range
         } else {
@@ -174,8 +181,12 @@ impl FieldPool {
             last[..rest.len()].copy_from_slice(rest);
             queue.write_buffer(&self.buffer, range.start * 4 + whole.len() as u64, &last);
         }
-        let first_word = range.start + table_words;
-        queue.write_buffer(&self.buffer, first_word * 4, bytemuck::cast_slice(&caps));
+        let header_start = range.start + header_words;
+        if let Some(grid) = field.cap_grid() {
+            let header = CapGridData::new(grid, (header_start + HEADER_WORDS) as u32);
+            queue.write_buffer(&self.buffer, header_start * 4, bytemuck::bytes_of(&header));
+            queue.write_buffer(&self.buffer, (header_start + HEADER_WORDS) * 4, bytemuck::cast_slice(texels));
+        }
         self.statistics.uploads += 1;
         self.statistics.uploaded_bytes += words * 4;
         self.statistics.resident_bytes += words * 4;
@@ -186,7 +197,7 @@ impl FieldPool {
                 encoding: table.encoding(),
             }),
             cap_grid: field.cap_grid().zip(field.cap_from_field()).map(|(grid, cap_from_field)| CapGridSlot {
-                first_word: first_word as u32,
+                number: (header_start / HEADER_WORDS) as u32,
                 serves_inside: grid.serves_inside(),
                 cap_from_field,
             }),

@@ -3,9 +3,14 @@
 
 // Points of the sphere (64 × ambient_rays), points of the disc (16 × shadow_rays), then one point of the sphere for each
 // direction along which caps are combined.
-@group(0) @binding(5) var<storage, read> samples: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read> samples: array<vec4<f32>>;
 // Ambient visibility in r; the other channels read as "no shadows".
-@group(0) @binding(6) var caps_texture: texture_storage_2d<rgba16float, write>;
+@group(0) @binding(7) var caps_texture: texture_storage_2d<rgba16float, write>;
+
+// How grids combine: as soft caps, or as a product; and over how many directions they are looked at. Constants, so that loops
+// over directions unroll, and what is kept for each of them stays in registers.
+override SOFT_CAPS: bool = true;
+override DIRECTIONS: u32 = 8u;
 
 const MAX_DIRECTIONS: u32 = 16u;
 const Y0: f32 = 0.2820948;
@@ -19,25 +24,6 @@ const FARTHEST: f32 = 1.0e12;
 const SMALLEST_MEAN: f32 = 1.0e-4;
 const SMALLEST: f32 = 1.1754944e-38;
 const MEAN_COSINE: f32 = 2.0 / 3.0;
-
-// What a grid starts with in `tables` (gpu/pool.rs): points, precision, five numbers for each axis, half the sides of the box,
-// then for four coefficients the value of 0 and of a step.
-const CAP_POINTS: u32 = 0u;
-const CAP_PRECISION: u32 = 1u;
-const CAP_WARPS: u32 = 2u;
-const CAP_LOW: u32 = 20u;
-const CAP_STEP: u32 = 24u;
-const CAP_TEXELS: u32 = 28u;
-const PRECISION_U8: u32 = 0u;
-
-// Twin: AxisWarp.
-struct AxisWarp {
-    knee: f32,
-    slope: f32,
-    inverse_slope: f32,
-    curvature: f32,
-    inverse_extent: f32,
-}
 
 struct GridPoint {
     first: vec3<f32>,
@@ -57,80 +43,59 @@ struct Ambient {
     occlusion: f32,
 }
 
-fn axis_warp(instance: Instance, axis: u32) -> AxisWarp {
-    let first = CAP_WARPS + 5u * axis;
-    return AxisWarp(
-        cap_number(instance, first),
-        cap_number(instance, first + 1u),
-        cap_number(instance, first + 2u),
-        cap_number(instance, first + 3u),
-        cap_number(instance, first + 4u),
-    );
-}
-
-fn coordinate(warp: AxisWarp, position: f32) -> f32 {
-    let beyond = abs(position) - warp.knee;
-    let outer = KNEE + beyond / (warp.slope + warp.curvature * beyond);
-    let inner = abs(position) * warp.inverse_slope;
-    let u = select(inner, outer, beyond > 0.0);
-    return select(u, -u, position < 0.0);
+// AxisWarp::coordinate, for the three axes at once.
+fn coordinate(grid: u32, position: vec3<f32>) -> vec3<f32> {
+    let beyond = abs(position) - cap_grids[grid].knee;
+    let outer = KNEE + beyond / (cap_grids[grid].slope + cap_grids[grid].curvature * beyond);
+    let inner = abs(position) * cap_grids[grid].inverse_slope;
+    let u = select(inner, outer, beyond > vec3<f32>(0.0));
+    return select(u, -u, position < vec3<f32>(0.0));
 }
 
 fn storage_scale(position: vec3<f32>) -> f32 {
     return max(dot(position, position), 1.0);
 }
 
-fn grid_point(instance: Instance, far_position: vec3<f32>) -> GridPoint {
+fn grid_point(grid: u32, far_position: vec3<f32>) -> GridPoint {
     let position = clamp(far_position, vec3<f32>(-FARTHEST), vec3<f32>(FARTHEST));
-    let x = axis_warp(instance, 0u);
-    let y = axis_warp(instance, 1u);
-    let z = axis_warp(instance, 2u);
-    let beyond = abs(position) * vec3<f32>(x.inverse_extent, y.inverse_extent, z.inverse_extent);
+    let beyond = abs(position) * cap_grids[grid].inverse_extent;
     let pull = 1.0 / max(max(max(beyond.x, beyond.y), beyond.z), 1.0);
     let pulled = position * pull;
-    let u = vec3<f32>(coordinate(x, pulled.x), coordinate(y, pulled.y), coordinate(z, pulled.z));
-    let last = f32(tables[instance.cap_first_word + CAP_POINTS] - 1u);
-    let grid = clamp((u + 1.0) * (0.5 * last), vec3<f32>(0.0), vec3<f32>(last));
-    let first = min(floor(grid), vec3<f32>(last - 1.0));
-    return GridPoint(first, grid - first, pull * pull / storage_scale(pulled));
+    let last = f32(cap_grids[grid].points - 1u);
+    let at = clamp((coordinate(grid, pulled) + 1.0) * (0.5 * last), vec3<f32>(0.0), vec3<f32>(last));
+    let first = min(floor(at), vec3<f32>(last - 1.0));
+    return GridPoint(first, at - first, pull * pull / storage_scale(pulled));
 }
 
-// Four numbers of one grid point, as they are stored.
-fn texel(instance: Instance, index: u32) -> vec4<f32> {
-    let texels = instance.cap_first_word + CAP_TEXELS;
-    if tables[instance.cap_first_word + CAP_PRECISION] == PRECISION_U8 {
-        return unpack4x8unorm(tables[texels + index]) * 255.0;
+// Four bytes, or halves, of one grid point, as they are stored.
+fn texel(grid: u32, index: u32) -> vec4<f32> {
+    let first = cap_grids[grid].first_texel;
+    if cap_grids[grid].encoding == 0u {
+        return unpack4x8unorm(tables[first + index]) * 255.0;
     }
-    return vec4<f32>(unpack2x16float(tables[texels + 2u * index]), unpack2x16float(tables[texels + 2u * index + 1u]));
+    return vec4<f32>(unpack2x16float(tables[first + 2u * index]), unpack2x16float(tables[first + 2u * index + 1u]));
 }
 
 // The first four harmonics at a position, interpolated.
-fn harmonics_at(instance: Instance, position: vec3<f32>) -> vec4<f32> {
-    let at = grid_point(instance, position);
-    let side = tables[instance.cap_first_word + CAP_POINTS];
+fn harmonics_at(grid: u32, position: vec3<f32>) -> vec4<f32> {
+    let at = grid_point(grid, position);
+    let side = cap_grids[grid].points;
     let first = (u32(at.first.z) * side + u32(at.first.y)) * side + u32(at.first.x);
-    var layers = array<vec4<f32>, 2>();
-    for (var z = 0u; z < 2u; z++) {
-        let corner = first + z * side * side;
-        let near_row = between(texel(instance, corner), texel(instance, corner + 1u), at.fraction.x);
-        let far_row = between(texel(instance, corner + side), texel(instance, corner + side + 1u), at.fraction.x);
-        layers[z] = between(near_row, far_row, at.fraction.y);
-    }
-    let stored = between(layers[0], layers[1], at.fraction.z);
-    return (cap_numbers(instance, CAP_LOW) + cap_numbers(instance, CAP_STEP) * stored) * at.weight;
+    let near = layer(grid, first, side, at.fraction.xy);
+    let far = layer(grid, first + side * side, side, at.fraction.xy);
+    let stored = between(near, far, at.fraction.z);
+    return (cap_grids[grid].low + cap_grids[grid].step * stored) * at.weight;
+}
+
+// Between four points of the same z.
+fn layer(grid: u32, first: u32, side: u32, fraction: vec2<f32>) -> vec4<f32> {
+    let near = between(texel(grid, first), texel(grid, first + 1u), fraction.x);
+    let far = between(texel(grid, first + side), texel(grid, first + side + 1u), fraction.x);
+    return between(near, far, fraction.y);
 }
 
 fn between(a: vec4<f32>, b: vec4<f32>, share: f32) -> vec4<f32> {
     return a + (b - a) * share;
-}
-
-fn cap_numbers(instance: Instance, index: u32) -> vec4<f32> {
-    return vec4<f32>(
-        cap_number(instance, index),
-        cap_number(instance, index + 1u),
-        cap_number(instance, index + 2u),
-        cap_number(instance, index + 3u),
-    );
 }
 
 fn cap(harmonics: vec4<f32>) -> Cap {
@@ -179,46 +144,47 @@ fn unit(v: vec3<f32>) -> vec3<f32> {
     return v * (1.0 / max(sqrt(dot(v, v)), SMALLEST));
 }
 
-fn reach_of(instance: Instance, position: vec3<f32>) -> f32 {
-    let to_center = instance.center - position;
+fn reach_of(instance: u32, position: vec3<f32>) -> f32 {
+    let to_center = instances[instance].center - position;
+    let radius = instances[instance].radius;
     let squared = dot(to_center, to_center);
-    let nearest = sqrt(squared) - instance.radius;
-    let share = clamp((frame.max_distance - nearest) / (2.0 * instance.radius), 0.0, 1.0);
-    return select(0.0, share, instance.radius * instance.radius > CUTOFF * squared);
+    let nearest = sqrt(squared) - radius;
+    let share = clamp((frame.max_distance - nearest) / (2.0 * radius), 0.0, 1.0);
+    return select(0.0, share, radius * radius > CUTOFF * squared);
 }
 
 fn mean(values: ptr<function, array<f32, MAX_DIRECTIONS>>) -> f32 {
     var sum = 0.0;
-    for (var k = 0u; k < frame.cap_directions; k++) {
+    for (var k = 0u; k < DIRECTIONS; k++) {
         sum += (*values)[k];
     }
-    return sum / f32(frame.cap_directions);
+    return sum / f32(DIRECTIONS);
 }
 
 fn distribute(soft: ptr<function, array<f32, MAX_DIRECTIONS>>, occlusion: f32) {
     for (var pass_number = 0u; pass_number < 2u; pass_number++) {
         let scale = occlusion / max(mean(soft), SMALLEST_MEAN);
-        for (var k = 0u; k < frame.cap_directions; k++) {
+        for (var k = 0u; k < DIRECTIONS; k++) {
             (*soft)[k] = min((*soft)[k] * scale, 1.0);
         }
     }
     let found = mean(soft);
     let share = clamp((occlusion - found) / max(1.0 - found, SMALLEST_MEAN), 0.0, 1.0);
-    for (var k = 0u; k < frame.cap_directions; k++) {
+    for (var k = 0u; k < DIRECTIONS; k++) {
         (*soft)[k] += (1.0 - (*soft)[k]) * share;
     }
 }
 
 // How far each direction of the world is occluded.
 fn soften(
-    instance: Instance,
+    instance: u32,
     seen: Cap,
     directions: ptr<function, array<vec3<f32>, MAX_DIRECTIONS>>,
     soft: ptr<function, array<f32, MAX_DIRECTIONS>>,
 ) {
-    let softness = 1.0 - 0.7 / f32(frame.cap_directions);
-    for (var k = 0u; k < frame.cap_directions; k++) {
-        let direction = unit(transform(instance.cap_from_world, vec4<f32>((*directions)[k], 0.0)));
+    let softness = 1.0 - 0.7 / f32(DIRECTIONS);
+    for (var k = 0u; k < DIRECTIONS; k++) {
+        let direction = unit(transform(instances[instance].cap_from_world, vec4<f32>((*directions)[k], 0.0)));
         (*soft)[k] = soft_occlusion(seen, direction, softness);
     }
 }
@@ -227,7 +193,7 @@ fn ambient(receiver: Receiver) -> Ambient {
     let first_sample = frame.ambient_rays * 64u + frame.shadow_rays * 16u;
     var directions = array<vec3<f32>, MAX_DIRECTIONS>();
     var visible = array<f32, MAX_DIRECTIONS>();
-    for (var k = 0u; k < frame.cap_directions; k++) {
+    for (var k = 0u; k < DIRECTIONS; k++) {
         directions[k] = cosine_direction(receiver.normal, samples[first_sample + k].xyz);
         visible[k] = 1.0;
     }
@@ -237,22 +203,23 @@ fn ambient(receiver: Receiver) -> Ambient {
         if source != AMBIENT_CAP_GRID && source != AMBIENT_CAP_GRID_WITH_RAYS_INSIDE {
             continue;
         }
-        let reach = reach_of(instances[i], receiver.position);
+        let reach = reach_of(i, receiver.position);
         if reach <= 0.0 {
             continue;
         }
+        let grid = instances[i].cap_grid;
         let position = transform(instances[i].cap_from_world, vec4<f32>(receiver.position, 1.0));
-        if source == AMBIENT_CAP_GRID_WITH_RAYS_INSIDE && contains(instances[i], position) {
+        if source == AMBIENT_CAP_GRID_WITH_RAYS_INSIDE && contains(grid, position) {
             continue;
         }
-        let harmonics = harmonics_at(instances[i], position);
+        let harmonics = harmonics_at(grid, position);
         let seen = cap(harmonics);
         let normal = unit(transform(instances[i].cap_from_world, vec4<f32>(receiver.normal, 0.0)));
         var occlusion = cap_occlusion(harmonics, seen, normal);
         var soft = array<f32, MAX_DIRECTIONS>();
         let stretched = instances[i].stretched;
         if stretched > 0.0 {
-            soften(instances[i], seen, &directions, &soft);
+            soften(i, seen, &directions, &soft);
             occlusion += (mean(&soft) - occlusion) * stretched;
         }
         occlusion = above_cutoff(occlusion * reach);
@@ -262,19 +229,19 @@ fn ambient(receiver: Receiver) -> Ambient {
         let rows = instances[i].cap_from_world;
         let towards = unit(rows[0].xyz * seen.axis.x + rows[1].xyz * seen.axis.y + rows[2].xyz * seen.axis.z);
         open -= towards * occlusion;
-        if frame.soft_caps == 0u {
+        if !SOFT_CAPS {
             visible[0] *= 1.0 - occlusion;
             continue;
         }
         if stretched <= 0.0 {
-            soften(instances[i], seen, &directions, &soft);
+            soften(i, seen, &directions, &soft);
         }
         distribute(&soft, occlusion);
-        for (var k = 0u; k < frame.cap_directions; k++) {
+        for (var k = 0u; k < DIRECTIONS; k++) {
             visible[k] *= 1.0 - soft[k];
         }
     }
-    let visibility = select(visible[0], mean(&visible), frame.soft_caps != 0u);
+    let visibility = select(visible[0], mean(&visible), SOFT_CAPS);
     return Ambient(unit(open), 1.0 - visibility);
 }
 

@@ -18,11 +18,9 @@ struct Frame {
     bias_along: f32,
     // Whether the caps pass comes before: its result is then part of the frame's.
     caps: u32,
-    // How cap grids combine: as soft caps, or as a product; and over how many directions they are looked at.
-    soft_caps: u32,
-    cap_directions: u32,
     // First pixel of what the caps pass writes.
     caps_origin: vec2<u32>,
+    padding: vec2<u32>,
     lights: array<Light, MAX_LIGHTS>,
 }
 

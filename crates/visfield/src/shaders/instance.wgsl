@@ -18,8 +18,8 @@ struct Instance {
     entries: u32,
     exits: u32,
     encoding: u32,
-    // Where the cap grid starts in `tables`.
-    cap_first_word: u32,
+    // The number of its cap grid.
+    cap_grid: u32,
     ambient_source: u32,
     // 0: evenly scaled, 1: looked at along a few directions.
     stretched: f32,
@@ -61,26 +61,43 @@ fn cosine_direction(normal: vec3<f32>, point: vec3<f32>) -> vec3<f32> {
     return normal;
 }
 
-// Half the sides of the mesh's box follow its warps.
-const CAP_HALF_EXTENTS: u32 = 17u;
-
-fn cap_number(instance: Instance, index: u32) -> f32 {
-    return bitcast<f32>(tables[instance.cap_first_word + index]);
+// What a cap grid starts with in the pool. Layout: gpu/layout.rs, `CapGridData`.
+struct CapGrid {
+    // Twins of AxisWarp, for the three axes.
+    knee: vec3<f32>,
+    points: u32,
+    slope: vec3<f32>,
+    // 0: bytes, 1: halves.
+    encoding: u32,
+    inverse_slope: vec3<f32>,
+    // First word of its points.
+    first_texel: u32,
+    curvature: vec3<f32>,
+    padding: u32,
+    inverse_extent: vec3<f32>,
+    padding_2: u32,
+    half_extents: vec3<f32>,
+    padding_3: u32,
+    // What 0 and a step of the first four coefficients stand for.
+    low: vec4<f32>,
+    step: vec4<f32>,
 }
 
+// Grids by their number: the pool, seen as headers of grids.
+@group(0) @binding(5) var<storage, read> cap_grids: array<CapGrid>;
+
 // Whether a position in cap space lies inside the mesh's bounding box.
-fn contains(instance: Instance, position: vec3<f32>) -> bool {
-    let x = abs(position.x) <= cap_number(instance, CAP_HALF_EXTENTS);
-    let y = abs(position.y) <= cap_number(instance, CAP_HALF_EXTENTS + 1u);
-    return x && y && abs(position.z) <= cap_number(instance, CAP_HALF_EXTENTS + 2u);
+fn contains(grid: u32, position: vec3<f32>) -> bool {
+    return all(abs(position) <= cap_grids[grid].half_extents);
 }
 
 // Whether rays are sent for ambient occlusion, to a receiver at a position of the world.
-fn has_rays(instance: Instance, position: vec3<f32>) -> bool {
-    switch instance.ambient_source {
+fn has_rays(instance: u32, position: vec3<f32>) -> bool {
+    switch instances[instance].ambient_source {
         case AMBIENT_RAYS: { return true; }
         case AMBIENT_CAP_GRID_WITH_RAYS_INSIDE: {
-            return contains(instance, transform(instance.cap_from_world, vec4<f32>(position, 1.0)));
+            let local = transform(instances[instance].cap_from_world, vec4<f32>(position, 1.0));
+            return contains(instances[instance].cap_grid, local);
         }
         default: { return false; }
     }

@@ -2,9 +2,9 @@
 // Joined after field.wgsl, frame.wgsl and instance.wgsl.
 
 // Points of the sphere (64 × ambient_rays), then points of the disc (16 × shadow_rays).
-@group(0) @binding(5) var<storage, read> samples: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read> samples: array<vec4<f32>>;
 // Occlusion: ambient, and lights 0, 1, 2.
-@group(0) @binding(6) var noisy_texture: texture_storage_2d<rgba16float, write>;
+@group(0) @binding(7) var noisy_texture: texture_storage_2d<rgba16float, write>;
 
 const AMBIENT_INTERLEAVE_BITS: u32 = 3u;
 const LIGHT_INTERLEAVE_BITS: u32 = 2u;
@@ -75,7 +75,7 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
         let origin = transform(instances[i].field_from_world, vec4<f32>(receiver.position, 1.0));
         let normal = field_normal(instances[i], receiver.normal);
         let within_reach = length(to_center) - radius < frame.max_distance;
-        if frame.ambient_rays > 0u && within_reach && has_rays(instances[i], receiver.position) {
+        if frame.ambient_rays > 0u && within_reach && has_rays(i, receiver.position) {
             for (var ray = 0u; ray < frame.ambient_rays; ray++) {
                 if (ambient_blocked & (1u << ray)) != 0u {
                     continue;

@@ -3,7 +3,7 @@
 use std::mem::offset_of;
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
-use visfield::gpu::layout::{FrameUniform, InstanceData, LightData};
+use visfield::gpu::layout::{CapGridData, FrameUniform, InstanceData, LightData};
 
 fn parse(source: &str) -> naga::Module {
     let module =
@@ -50,10 +50,31 @@ fn rust_layouts_are_the_shaders_layouts() {
             ("entries", offset_of!(InstanceData, entries)),
             ("exits", offset_of!(InstanceData, exits)),
             ("encoding", offset_of!(InstanceData, encoding)),
-            ("cap_first_word", offset_of!(InstanceData, cap_first_word)),
+            ("cap_grid", offset_of!(InstanceData, cap_grid)),
             ("ambient_source", offset_of!(InstanceData, ambient_source)),
             ("stretched", offset_of!(InstanceData, stretched)),
             ("padding", offset_of!(InstanceData, padding)),
+        ],
+    );
+    assert_layout(
+        &module,
+        "CapGrid",
+        size_of::<CapGridData>(),
+        &[
+            ("knee", offset_of!(CapGridData, knee)),
+            ("points", offset_of!(CapGridData, points)),
+            ("slope", offset_of!(CapGridData, slope)),
+            ("encoding", offset_of!(CapGridData, encoding)),
+            ("inverse_slope", offset_of!(CapGridData, inverse_slope)),
+            ("first_texel", offset_of!(CapGridData, first_texel)),
+            ("curvature", offset_of!(CapGridData, curvature)),
+            ("padding", offset_of!(CapGridData, padding)),
+            ("inverse_extent", offset_of!(CapGridData, inverse_extent)),
+            ("padding_2", offset_of!(CapGridData, padding_2)),
+            ("half_extents", offset_of!(CapGridData, half_extents)),
+            ("padding_3", offset_of!(CapGridData, padding_3)),
+            ("low", offset_of!(CapGridData, low)),
+            ("step", offset_of!(CapGridData, step)),
         ],
     );
     assert_layout(
@@ -85,9 +106,8 @@ fn rust_layouts_are_the_shaders_layouts() {
             ("bias_height", offset_of!(FrameUniform, bias_height)),
             ("bias_along", offset_of!(FrameUniform, bias_along)),
             ("caps", offset_of!(FrameUniform, caps)),
-            ("soft_caps", offset_of!(FrameUniform, soft_caps)),
-            ("cap_directions", offset_of!(FrameUniform, cap_directions)),
             ("caps_origin", offset_of!(FrameUniform, caps_origin)),
+            ("padding", offset_of!(FrameUniform, padding)),
             ("lights", offset_of!(FrameUniform, lights)),
         ],
     );

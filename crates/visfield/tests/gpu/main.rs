@@ -5,3 +5,4 @@ mod frame;
 mod layout;
 mod lookup;
 mod pool;
+mod speed;

@@ -2,10 +2,14 @@
 
 use visfield::field::directions::DirectionMap;
 use visfield::field::{ball, ball_field};
+use visfield::gpu::layout::CapGridData;
 use visfield::gpu::{FieldPool, FieldSlot, PoolError};
 use visfield::{Encoding, Representation, VisibilityField};
 
 use super::device::{device, read_buffer};
+
+/// Places are as long as whole numbers of these.
+const HEADER_BYTES: u64 = size_of::<CapGridData>() as u64;
 
 #[test]
 fn tables_survive_growth_and_removal() {
@@ -14,7 +18,7 @@ fn tables_survive_growth_and_removal() {
     // 3.9 MB each; odd sizes leave tables that do not end on a word. Each makes the buffer grow, or nearly.
     let fields: Vec<VisibilityField> = (0..5).map(|i| ball_field(0.3 + 0.1 * i as f32, 63 - (i & 1), 31)).collect();
     let mut slots: Vec<FieldSlot> = fields.iter().map(|f| pool.insert(&device, &queue, f).unwrap()).collect();
-    let tables: u64 = fields.iter().map(|field| field.bytes().next_multiple_of(4)).sum();
+    let tables: u64 = fields.iter().map(|field| field.bytes().next_multiple_of(HEADER_BYTES)).sum();
     let before = pool.statistics();
     assert_eq!((before.uploads, before.uploaded_bytes, before.resident_bytes), (5, tables, tables));
     assert!(before.buffer_bytes >= tables, "it had to grow");
