@@ -83,6 +83,15 @@ fn center(headless: &mut HeadlessApp) -> u8 {
     headless.capture().get_pixel(48, 32).0[0]
 }
 
+/// A cap grid that is known to be wrong inside its box, and no table for rays.
+fn hollow_caps() -> Vec<u8> {
+    use visfield::field::cap_grid::{self, CapGridError, CapGridHeader};
+    let error = Some(CapGridError { outside: 0.01, inside: 0.3 });
+    let caps = cap_grid::ball(CapGridHeader { error, ..CapGridHeader::default() });
+    let header = visfield::field::ball_field(0.9, 3, 3).header().clone();
+    visfield::file::encode(&[visfield::VisibilityField::new(header, caps.into()).unwrap()])
+}
+
 #[test]
 fn bad_input_is_told_once_and_the_rest_renders() {
     if !adapter::available() {
@@ -102,6 +111,7 @@ fn bad_input_is_told_once_and_the_rest_renders() {
         ("cut", &good[..good.len() / 2]),
         ("empty", &[]),
         ("text", b"not a field at all"),
+        ("hollow", &hollow_caps()),
     ] {
         std::fs::write(folder.path().join(format!("{name}.vfield")), bytes).unwrap();
     }
@@ -117,6 +127,10 @@ fn bad_input_is_told_once_and_the_rest_renders() {
         world.spawn(load(name));
     }
     world.spawn(VisibilityField3d::default());
+    // Caps alone, far away, under a light that they cannot shadow.
+    for x in [50.0, 60.0] {
+        world.spawn((load("hollow"), Transform::from_xyz(x, 0.0, 0.0)));
+    }
     // Transforms that no ray can follow, two of them: still one warning.
     world.spawn((load("good"), Transform::from_scale(Vec3::new(1.0, 0.0, 1.0))));
     world.spawn((load("good"), Transform::from_xyz(f32::NAN, 0.0, 0.0)));
@@ -156,6 +170,8 @@ fn bad_input_is_told_once_and_the_rest_renders() {
     assert_told_once(&["text.vfield", "not a .vfield file"]);
     assert_told_once(&["missing.vfield"]);
     assert_told_once(&["neither loaded nor loading"]);
+    assert_told_once(&["a cap grid and no table", "casts no shadows"]);
+    assert_told_once(&["the cap grid of visibility field `ball` is wrong inside its bounding box"]);
     assert_told_once(&["singular or not finite"]);
     assert_told_once(&["FieldOcclusion needs Msaa::Off", "Sample4"]);
     assert_told_once(&["FieldShadows but no DirectionalLight"]);

@@ -39,6 +39,10 @@ impl Stage {
     }
 
     fn with_size(shading: Shading, size: UVec2) -> Self {
+        Self::with_field(shading, size, ball_field())
+    }
+
+    fn with_field(shading: Shading, size: UVec2, field: visfield::VisibilityField) -> Self {
         let mut headless = HeadlessApp::new(size, |plugins| plugins);
         headless.app.add_plugins(VisibilityFieldPlugin);
         let target = headless.target();
@@ -57,7 +61,7 @@ impl Stage {
             ..default()
         });
         // A ball whose field is in closed form: no bake, no file.
-        let field = world.resource_mut::<Assets<VisibilityField>>().add(VisibilityField(ball_field()));
+        let field = world.resource_mut::<Assets<VisibilityField>>().add(VisibilityField(field));
         world.spawn((Mesh3d(floor), MeshMaterial3d(material.clone())));
         let ball = world
             .spawn((
@@ -117,6 +121,16 @@ fn ball_field() -> visfield::VisibilityField {
     let mut header = closed_form.header().clone();
     header.bounds = visfield::BoundingEllipsoid::sphere([0.0; 3], 1.0 / inner);
     visfield::VisibilityField::new(header, closed_form.parts().clone()).expect("only the scale changed")
+}
+
+/// The same with a cap grid beside the table, or alone.
+fn ball_with_caps(table: bool) -> visfield::VisibilityField {
+    let ball = ball_field();
+    let parts = visfield::FieldParts {
+        table: ball.table().filter(|_| table).cloned(),
+        cap_grid: Some(visfield::field::cap_grid::example_ball()),
+    };
+    visfield::VisibilityField::new(ball.header().clone(), parts).expect("both parts are sound")
 }
 
 fn brightness(picture: &RgbaImage, (x, y): (u32, u32)) -> i32 {
@@ -201,6 +215,54 @@ fn the_shadow_follows_the_object() {
     assert!(brightness(&after, new_place) < brightness(&before, new_place) - 20, "dark where it is");
     assert_eq!(stage.statistics(), uploaded, "moving uploads no field");
     assert_eq!(largest_difference(&after, &stage.picture()), 0, "a still scene gives the same frame");
+}
+
+#[test]
+fn caps_darken_as_rays_do() {
+    if !adapter::available() {
+        return;
+    }
+    let mut stage = Stage::with_field(Shading::Forward, SIZE, ball_with_caps(true));
+    let (camera, sun) = (stage.camera, stage.sun);
+    // Beside caps, the sun's rays still go through the filter.
+    let with_sun = stage.picture();
+    stage.entity(sun).remove::<FieldShadows>();
+    let mut by = |estimator| {
+        stage.entity(camera).insert(FieldOcclusion { estimator, ..default() });
+        stage.picture()
+    };
+    let [caps, rays] = [OcclusionEstimator::CapGrid, OcclusionEstimator::Rays].map(&mut by);
+    stage.entity(camera).remove::<FieldOcclusion>();
+    let off = stage.picture();
+    for point in [BESIDE, SHADOW, OPEN] {
+        let at = stage.pixel_of(point);
+        let [off, caps, rays] = [&off, &caps, &rays].map(|picture| brightness(picture, at));
+        println!("at {point}: off {off}, caps {caps}, rays {rays}");
+        assert!((caps - rays).abs() <= 3, "{point}: {caps} by caps, {rays} by rays, {off} without");
+        assert!(caps < off - 4 || point == OPEN, "{point}: {caps} by caps, {off} without");
+    }
+    let [beside, shadow] = [BESIDE, SHADOW].map(|point| stage.pixel_of(point));
+    assert!((brightness(&with_sun, beside) - brightness(&caps, beside)).abs() <= 1, "caps do not depend on the sun");
+    assert!(brightness(&with_sun, shadow) < brightness(&caps, shadow) - 20, "the sun's shadow is there too");
+}
+
+#[test]
+fn caps_alone_occlude_and_make_the_same_frame_again() {
+    if !adapter::available() {
+        return;
+    }
+    let mut stage = Stage::with_field(Shading::Forward, SIZE, ball_with_caps(false));
+    let (camera, ball) = (stage.camera, stage.ball);
+    let first = stage.picture();
+    assert_eq!(largest_difference(&first, &stage.picture()), 0, "a still scene gives the same frame");
+    stage.entity(ball).get_mut::<Transform>().unwrap().translation.x += 0.5;
+    assert!(largest_difference(&first, &stage.picture()) > 4, "what moves takes its occlusion along");
+    stage.entity(ball).get_mut::<Transform>().unwrap().translation.x -= 0.5;
+    assert_eq!(largest_difference(&first, &stage.picture()), 0, "and leaves nothing behind");
+    stage.entity(camera).insert(FieldOcclusion { ambient_occlusion: false, ..default() });
+    let off = stage.picture();
+    let beside = stage.pixel_of(BESIDE);
+    assert!(brightness(&first, beside) < brightness(&off, beside) - 4);
 }
 
 #[test]
