@@ -18,7 +18,7 @@ use visfield_bake::measure::{
 };
 use visfield_bake::{BakeError, Mesh, read_meshes};
 
-use super::settings::FieldArguments;
+use super::settings::{FieldArguments, one_representation};
 use super::{CommandError, check_output};
 
 /// Measure what a field costs and what it gets wrong: the same rays through the field and through triangles (crate obvhs) in
@@ -155,7 +155,7 @@ impl From<SceneName> for MeasureScene {
 
 /// Ambient occlusion.
 #[derive(Debug, Args)]
-#[command(after_help = "\
+#[command(mut_arg("representation", one_representation), after_help = "\
 Examples:
   visfield measure ao --mesh bunny.obj
   visfield measure ao --mesh bunny.obj --entries 33 --aim plain --json plain.json
@@ -184,7 +184,7 @@ struct Ambient {
 
 /// The soft shadow of a slanted directional light.
 #[derive(Debug, Args)]
-#[command(after_help = "\
+#[command(mut_arg("representation", one_representation), after_help = "\
 Examples:
   visfield measure shadow --mesh bunny.obj
   visfield measure shadow --mesh bunny.obj --angular-radius 0.00465 --encoding bit --entries 65 --exits 91
