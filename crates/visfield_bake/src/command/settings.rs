@@ -211,7 +211,7 @@ fn check(matches: &ArgMatches) -> Result<(), clap::Error> {
     let names: Vec<RepresentationName> = matches.get_many("representation").into_iter().flatten().copied().collect();
     let two_point = names.contains(&RepresentationName::TwoPoint);
     let hemisphere = names.contains(&RepresentationName::Hemisphere);
-    let conflict = |message: String| Err(clap::Error::raw(ErrorKind::ArgumentConflict, message + "\n"));
+    let conflict = |message: String| Err(clap::Error::raw(ErrorKind::ArgumentConflict, message));
     // clap counts only what stands on the command line as present in a group; absent groups are no group of the command.
     let given = |group: &str| {
         let mut ids = matches.try_get_many::<Id>(group).ok().flatten().into_iter().flatten();
