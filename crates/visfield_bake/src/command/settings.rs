@@ -70,7 +70,8 @@ fn side() -> clap::builder::RangedI64ValueParser<u32> {
     clap::value_parser!(u32).range(1..=i64::from(MAX_SIDE))
 }
 
-fn points() -> clap::builder::RangedI64ValueParser<u32> {
+/// Points of a cap grid along an axis.
+pub(super) fn points() -> clap::builder::RangedI64ValueParser<u32> {
     clap::value_parser!(u32).range(i64::from(MIN_POINTS)..=i64::from(MAX_POINTS))
 }
 

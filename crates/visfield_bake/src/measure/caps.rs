@@ -66,6 +66,11 @@ impl AskedCaps<'_> {
     pub(super) fn found(&self, receivers: &[Receiver]) -> Vec<f32> {
         let mut answers = vec![CapAmbient::UNOCCLUDED; receivers.len()];
         self.ask(receivers, &mut answers);
-        answers.iter().map(|answer| answer.occlusion).collect()
+        occlusions(&answers)
     }
+}
+
+/// What is asked of the answers here.
+pub(super) fn occlusions(answers: &[CapAmbient]) -> Vec<f32> {
+    answers.iter().map(|answer| answer.occlusion).collect()
 }

@@ -1,9 +1,10 @@
-//! Many fields: the figures of the 2008 paper, and the trade-off of accuracy against size and time.
+//! Many fields: the figures of the 2008 paper, the trade-off of accuracy against size and time, and several objects at once.
 
 use maud::{Markup, html};
 
 use super::plot::{Mark, Plot, Series};
 use super::{pictures, table};
+use crate::measure::many::Many;
 use crate::measure::paper2008::published::{FIGURE6, FIGURE8, PublishedCell};
 use crate::measure::paper2008::{Finding, Model, Paper2008, TableSize};
 use crate::measure::table::count;
@@ -53,6 +54,14 @@ pub(super) fn tradeoff(tradeoff: &Tradeoff) -> Markup {
             summary { "All " (tradeoff.points.len()) " points" }
             (table(&tradeoff.cells(false)))
         }
+    }
+}
+
+pub(super) fn many(many: &Many) -> Markup {
+    html! {
+        p { (many.summary()) }
+        (table(&many.cells()))
+        @if let Some(drawn) = &many.pictures { (pictures(drawn, Many::SHOWN, true)) }
     }
 }
 
