@@ -127,11 +127,7 @@ fn bake_one(
 }
 
 /// Bakes and moves the bar by all that was expected; how many rays it really took is returned too.
-fn bake_counted(
-    mesh: &Mesh,
-    settings: &BakeSettings,
-    bar: &ProgressBar,
-) -> Result<(VisibilityField, u64), BakeError> {
+fn bake_counted(mesh: &Mesh, settings: &BakeSettings, bar: &ProgressBar) -> Result<(VisibilityField, u64), BakeError> {
     let traced = AtomicU64::new(0);
     let field = bake(mesh, settings, |rays| {
         traced.fetch_add(rays, Ordering::Relaxed);

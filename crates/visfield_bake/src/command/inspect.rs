@@ -102,7 +102,12 @@ fn report_cap_grid(report: &mut String, grid: &CapGrid) {
         Falloff::Linear { distance } => format!("linear, to nothing at {distance} mesh units"),
     };
     let bytes = HumanCount(format.bytes());
-    _ = writeln!(report, "  cap grid         {}\u{b3} points, {order}, {}, {bytes} bytes", format.points, format.precision.name());
+    _ = writeln!(
+        report,
+        "  cap grid         {}\u{b3} points, {order}, {}, {bytes} bytes",
+        format.points,
+        format.precision.name()
+    );
     _ = writeln!(report, "  falloff          {falloff}");
     if let Some(error) = cap_grid_error(grid) {
         let mark = if serves_inside(grid) { "serves receivers inside it" } else { "not for receivers inside it" };

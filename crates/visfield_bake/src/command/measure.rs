@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use indicatif::{DecimalBytes, HumanCount, ProgressBar, ProgressStyle};
-use visfield::{CapGridFormat, QueryOptions};
 use visfield::estimate::sampling::DiscBasis;
 use visfield::field::lookup::Aim;
 use visfield::field::query::Bias;
+use visfield::{CapGridFormat, QueryOptions};
 use visfield_bake::measure::ambient::AmbientSpeed;
 use visfield_bake::measure::many::{ManyQuestion, measure_many};
 use visfield_bake::measure::paper2008::{Paper2008Question, paper2008};
@@ -87,10 +87,7 @@ impl Output {
         self.json.as_deref().map_or(Ok(()), |json| check_output(inputs, json))
     }
 
-    fn write(
-        &self,
-        document: impl FnOnce() -> Result<MeasurementDocument, CommandError>,
-    ) -> Result<(), CommandError> {
+    fn write(&self, document: impl FnOnce() -> Result<MeasurementDocument, CommandError>) -> Result<(), CommandError> {
         let Some(path) = &self.json else { return Ok(()) };
         document()?.write(path)?;
         Ok(())
@@ -155,7 +152,9 @@ impl From<SceneName> for MeasureScene {
 
 /// Ambient occlusion.
 #[derive(Debug, Args)]
-#[command(mut_arg("representation", one_representation), after_help = "\
+#[command(
+    mut_arg("representation", one_representation),
+    after_help = "\
 Examples:
   visfield measure ao --mesh bunny.obj
   visfield measure ao --mesh bunny.obj --entries 33 --aim plain --json plain.json
@@ -167,7 +166,8 @@ Errors are of occlusion, from 0 to 1. The RMS is in steps of 1/255 and over all 
 receivers whose exact or estimated occlusion exceeds 1/255. All are against the same rays, but for `truth`, which is against
 4096 exact rays and charges the noise of few rays to whoever sends them. A cap grid sends none: all its errors are against the
 4096. Its time is that of one object, for all receivers, raced against --rays exact rays of each and against 64 rays of each
-through a table of 65\u{b2} \u{d7} 32\u{b2} bytes.")]
+through a table of 65\u{b2} \u{d7} 32\u{b2} bytes."
+)]
 struct Ambient {
     #[command(flatten)]
     mesh: MeshArguments,
@@ -187,13 +187,16 @@ struct Ambient {
 
 /// The soft shadow of a slanted directional light.
 #[derive(Debug, Args)]
-#[command(mut_arg("representation", one_representation), after_help = "\
+#[command(
+    mut_arg("representation", one_representation),
+    after_help = "\
 Examples:
   visfield measure shadow --mesh bunny.obj
   visfield measure shadow --mesh bunny.obj --angular-radius 0.00465 --encoding bit --entries 65 --exits 91
 
 Errors are of the occlusion of the light, from 0 to 1. The RMS is in steps of 1/255 and over receivers that are partly lit;
-the other errors are over those that are not fully lit.")]
+the other errors are over those that are not fully lit."
+)]
 struct Shadow {
     #[command(flatten)]
     mesh: MeshArguments,

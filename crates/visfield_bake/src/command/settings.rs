@@ -228,7 +228,9 @@ fn check(matches: &ArgMatches) -> Result<(), clap::Error> {
         return conflict(format!("{option} is for cap grids: add cap-grid to --representation, or leave it out"));
     }
     if let Some(option) = given("limits").filter(|_| !two_point) {
-        return conflict(format!("{option} chooses a two-point table: add two-point to --representation, or leave it out"));
+        return conflict(format!(
+            "{option} chooses a two-point table: add two-point to --representation, or leave it out"
+        ));
     }
     Ok(())
 }

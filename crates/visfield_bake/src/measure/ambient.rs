@@ -284,7 +284,9 @@ pub fn measure_ambient_of(
     let against_truth = Errors::of(&found, &truth);
     let mean_abs_truth = against_truth.mean_abs;
     let (names, errors) = match part {
-        Part::Table(table) => (Names::of_table(table, &header.bounds, question.options.aim), Errors::of(&found, &exact)),
+        Part::Table(table) => {
+            (Names::of_table(table, &header.bounds, question.options.aim), Errors::of(&found, &exact))
+        }
         Part::CapGrid(grid) => (Names::of_cap_grid(grid), against_truth),
     };
     // There is nothing that a cap grid and few rays would have in common.

@@ -152,7 +152,8 @@ pub fn measure_many(
     let middle = corner.origin + DVec3::splat(corner.side * 0.5);
     let whole: Vec<(&Mesh, DAffine3)> = objects.iter().copied().zip(places.iter().copied()).collect();
     let exact_scene = |instances: &[(&Mesh, DAffine3)]| {
-        ExactScene::new(instances, middle).map_err(|source| BakeError::Mesh { name: instances[0].0.name.clone(), source })
+        ExactScene::new(instances, middle)
+            .map_err(|source| BakeError::Mesh { name: instances[0].0.name.clone(), source })
     };
 
     let exact_rays = receivers.len() as u64 * u64::from(TRUTH_RAYS);
@@ -350,7 +351,7 @@ mod tests {
             assert!(room.iter().all(|room| (1.05..corner.side - 1.5).contains(room)), "object {i} in {room:?}");
             let vertices: Vec<DVec3> =
                 mesh.positions.iter().map(|p| places[i].transform_point3(DVec3::from(p.map(f64::from)))).collect();
-            assert!(vertices.iter().all(|v| (v.distance(*a) - 1.0).abs() < 1e-5), "object {i} has radius 1");
+            assert!(vertices.iter().all(|v| (v.distance(*a) - 1.0).abs() < 1e-3), "object {i} has radius 1");
             let lowest = vertices.iter().map(|v| v.y).fold(f64::INFINITY, f64::min);
             let hangs = i % HANGING == HANGING - 1;
             assert!(if hangs { lowest > 0.29 } else { lowest.abs() < 1e-9 }, "object {i} at {lowest}");

@@ -95,8 +95,7 @@ impl Corner {
         let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z];
         let wall = (self.wall_rows(side), self.side * self.height);
         let mut receivers = Vec::with_capacity((side + 2 * wall.0) * side);
-        for (across, along, normal, (rows, length)) in
-            [(x, z, y, (side, self.side)), (x, y, z, wall), (z, y, x, wall)]
+        for (across, along, normal, (rows, length)) in [(x, z, y, (side, self.side)), (x, y, z, wall), (z, y, x, wall)]
         {
             let at = |i: usize, count: usize, length: f64| i as f64 / (count - 1) as f64 * length;
             for row in 0..rows {

@@ -3,7 +3,9 @@
 use serde::{Deserialize, Serialize};
 use visfield::field::directions::DirectionMap;
 use visfield::field::lookup::Aim;
-use visfield::{CapGrid, CapGridFormat, ChordTable, Encoding, QueryOptions, Representation, TableFormat, VisibilityField};
+use visfield::{
+    CapGrid, CapGridFormat, ChordTable, Encoding, QueryOptions, Representation, TableFormat, VisibilityField,
+};
 
 use super::ambient::Names;
 use super::caps::OneObject;

@@ -112,7 +112,10 @@ fn speed(speed: Option<&AmbientSpeed>) -> Quantities {
             ),
             ("all receivers", times),
             ("receivers", field),
-            ("rays that meet the bounds", format!("triangles {triangles}: {meeting:.1}\u{d7} the time of all receivers")),
+            (
+                "rays that meet the bounds",
+                format!("triangles {triangles}: {meeting:.1}\u{d7} the time of all receivers"),
+            ),
             random,
         ],
     }

@@ -31,7 +31,8 @@ pub(super) fn tradeoff(tradeoff: &Tradeoff) -> Markup {
     };
     let rms = |point: &TradeoffPoint| point.corner.rms_255;
     let by_bytes = Plot { x: "bytes", y: "RMS \u{d7} 255", series: against(|p| p.field_bytes as f64, rms) };
-    let by_time = Plot { x: "seconds for all receivers", y: "RMS \u{d7} 255", series: against(|p| p.field_seconds, rms) };
+    let by_time =
+        Plot { x: "seconds for all receivers", y: "RMS \u{d7} 255", series: against(|p| p.field_seconds, rms) };
     let noise_included = Plot {
         x: "seconds for all receivers",
         y: "mean absolute error",
