@@ -80,7 +80,7 @@ impl Arguments {
                     let path = self.mesh.clone();
                     return Err(match error {
                         TuneError::Bake(source) => CommandError::Bake { path, source },
-                        source => CommandError::Tune { path, source },
+                        source => CommandError::Tune { path, source: Box::new(source) },
                     });
                 }
                 Err(error) => {

@@ -136,80 +136,28 @@ pub fn measure_many(
     question: &ManyQuestion,
     progress: impl Fn(f64, &str) + Sync,
 ) -> Result<Many, BakeError> {
-    let instances = question.instances.max(1);
-    let objects: Vec<&Mesh> = meshes.iter().cycle().take(instances).collect();
-    assert!(!objects.is_empty(), "objects need a mesh");
+    let objects = Objects::new(meshes, question)?;
+    let (receivers, middle) = (&objects.receivers, objects.middle);
+    let instances = objects.placed.len();
+    let different = &meshes[..meshes.len().min(instances)];
     let settings = BakeSettings {
         cap_grid: Some(CapGridFormat { falloff: Falloff::None, ..question.cap_grid }),
         ..BakeSettings::default()
     };
-    let placed = |(index, mesh): (usize, &&Mesh)| {
-        place(mesh, index).map_err(|source| BakeError::Mesh { name: mesh.name.clone(), source })
-    };
-    let places = objects.iter().enumerate().map(placed).collect::<Result<Vec<_>, _>>()?;
-    let corner = corner_around(SPIRAL * (instances as f64 - 0.5).sqrt());
-    let receivers = corner.receivers(question.side.max(8));
-    let middle = corner.origin + DVec3::splat(corner.side * 0.5);
-    let whole: Vec<(&Mesh, DAffine3)> = objects.iter().copied().zip(places.iter().copied()).collect();
-    let exact_scene = |instances: &[(&Mesh, DAffine3)]| {
-        ExactScene::new(instances, middle)
-            .map_err(|source| BakeError::Mesh { name: instances[0].0.name.clone(), source })
-    };
-
     let exact_rays = receivers.len() as u64 * u64::from(TRUTH_RAYS);
-    let work = meshes.len() as u64 * settings.rays() + (1 + instances as u64) * exact_rays;
+    let work = different.len() as u64 * settings.rays() + (1 + instances as u64) * exact_rays;
     let progress = Progress::new(work, &progress);
     let mut scene = Scene::default();
     let mut fields = Vec::new();
-    for mesh in meshes.iter().take(instances) {
+    for mesh in different {
         fields.push(scene.add_field(progress.bake(mesh, &settings)?));
     }
-    let ids = fields.iter().cycle();
-    scene.instances.extend(ids.zip(&places).map(|(&id, &place)| Instance::new(id, place)));
+    let placed = fields.iter().cycle().zip(&objects.placed);
+    scene.instances.extend(placed.map(|(&field, &(_, place))| Instance::new(field, place)));
 
-    let trace = |scene: &ExactScene, doing: &str| -> Vec<f32> {
-        let of = |(index, receiver)| {
-            progress.add(TRUTH_RAYS.into(), doing);
-            exact_occlusion_of(scene, receiver, index, TRUTH_RAYS, Falloff::None)
-        };
-        receivers.par_iter().enumerate().map(of).collect()
-    };
-    let whole_scene = exact_scene(&whole)?;
-    let truth = trace(&whole_scene, "exact rays of the whole scene");
-    let mut visible = vec![1.0; receivers.len()];
-    let (mut exact_seconds, mut timed) = (0.0, 0);
-    for (index, object) in whole.iter().enumerate() {
-        let single = exact_scene(std::slice::from_ref(object))?;
-        let occlusion = trace(&single, &format!("exact rays of object {} of {instances}", index + 1));
-        visible.iter_mut().zip(&occlusion).for_each(|(visible, occlusion)| *visible *= 1.0 - occlusion);
-        let some: Vec<_> = receivers.iter().enumerate().step_by(receivers.len().div_ceil(TIMED_RECEIVERS)).collect();
-        timed += some.len();
-        exact_seconds += seconds(|| {
-            let of = |&(index, receiver)| exact_occlusion_of(&single, receiver, index, TRUTH_RAYS, Falloff::None);
-            some.iter().map(of).sum::<f32>()
-        });
-    }
-    let product_of_exact: Vec<f32> = visible.iter().map(|visible| 1.0 - visible).collect();
-
-    let combinations = [CapCombination::Product, soft_caps(8), soft_caps(16)];
-    let [product, soft, softer] =
-        combinations.map(|combination| AskedCaps { caps: CapScene::new(&scene, middle), combination });
-    let table = TableRays::new(&scene, &whole_scene, middle, &receivers);
-    let [mut first, mut second, mut third] = combinations.map(|_| vec![CapAmbient::UNOCCLUDED; receivers.len()]);
-    let mut table_answers = vec![false; table.rays.len()];
-    let times = race([
-        &mut || product.ask(&receivers, &mut first),
-        &mut || soft.ask(&receivers, &mut second),
-        &mut || softer.ask(&receivers, &mut third),
-        &mut || table.ask(&mut table_answers),
-    ]);
-    let per_receiver_and_object = |seconds: f64| seconds / (receivers.len() * instances) as f64 * 1e9;
-    let [product_time, soft_time, softer_time, table_time] = times.map(per_receiver_and_object);
-    let [product, shown, softer] = [first, second, third].map(|answers| occlusions(&answers));
-    let rays_found: Vec<f32> = table_answers
-        .chunks(table_answers.len() / receivers.len())
-        .map(|rays| rays.iter().filter(|&&hit| hit).count() as f32 / rays.len() as f32)
-        .collect();
+    let exact = objects.exact(&objects.placed)?;
+    let truth = objects.trace(&exact, &progress, "exact rays of the whole scene");
+    let (product_of_exact, product_of_exact_time) = objects.product_of_exact(&progress)?;
     let rule = |rule: &str, found: &[f32], nanoseconds_per_receiver_and_object: f64| {
         let errors = Errors::of(found, &truth);
         ManyRule {
@@ -221,26 +169,113 @@ pub fn measure_many(
             nanoseconds_per_receiver_and_object,
         }
     };
+    let [mut product, mut soft, mut softer] = [CapCombination::Product, soft_caps(8), soft_caps(16)]
+        .map(|combination| Answered::new(AskedCaps { caps: CapScene::new(&scene, middle), combination }, receivers));
+    let table = TableRays::new(&scene, &exact, middle, receivers);
+    let mut hits = vec![false; table.rays.len()];
+    let times = race([&mut || product.ask(), &mut || soft.ask(), &mut || softer.ask(), &mut || table.ask(&mut hits)]);
+    let times = times.map(|seconds| objects.nanoseconds(seconds));
+    let [product, soft, softer] = [product, soft, softer].map(|rule| occlusions(&rule.answers));
     let rules = vec![
-        rule("cap grids, product", &product, product_time),
-        rule(Many::SHOWN, &shown, soft_time),
-        rule("cap grids, soft caps in 16 directions", &softer, softer_time),
-        rule("product of exact occlusions", &product_of_exact, exact_seconds / timed as f64 * 1e9),
-        rule(&format!("{TABLE_RAYS} rays through tables"), &rays_found, table_time),
+        rule("cap grids, product", &product, times[0]),
+        rule(Many::SHOWN, &soft, times[1]),
+        rule("cap grids, soft caps in 16 directions", &softer, times[2]),
+        rule("product of exact occlusions", &product_of_exact, product_of_exact_time),
+        rule(&format!("{TABLE_RAYS} rays through tables"), &TableRays::shares(&hits), times[3]),
     ];
-    let names: Vec<&str> = meshes.iter().take(instances).map(|mesh| mesh.name.as_str()).collect();
-    let view = CornerView::of(corner, &whole_scene, middle);
+    let names: Vec<&str> = different.iter().map(|mesh| mesh.name.as_str()).collect();
+    let view = CornerView::of(objects.corner, &exact, middle);
     Ok(Many {
         mesh: names.join(", "),
         instances,
-        triangles: objects.iter().map(|mesh| mesh.indices.len() as u64).sum(),
+        triangles: objects.placed.iter().map(|(mesh, _)| mesh.indices.len() as u64).sum(),
         cap_grid: question.cap_grid.to_string(),
         field_bytes: question.cap_grid.bytes(),
         receivers: receivers.len(),
         occluded_fraction: truth.iter().map(|&x| f64::from(x)).sum::<f64>() / truth.len() as f64,
         rules,
-        pictures: Some(Box::new(view.pictures(&truth, &shown))),
+        pictures: Some(Box::new(view.pictures(&truth, &soft))),
     })
+}
+
+/// Meshes in their places, and the receivers around them.
+struct Objects<'a> {
+    placed: Vec<(&'a Mesh, DAffine3)>,
+    corner: Corner,
+    receivers: Vec<Receiver>,
+    middle: DVec3,
+}
+
+impl<'a> Objects<'a> {
+    fn new(meshes: &'a [Mesh], question: &ManyQuestion) -> Result<Self, BakeError> {
+        assert!(!meshes.is_empty(), "objects need a mesh");
+        let instances = question.instances.max(1);
+        let in_place = |(index, mesh): (usize, &'a Mesh)| match place(mesh, index) {
+            Ok(place) => Ok((mesh, place)),
+            Err(source) => Err(BakeError::Mesh { name: mesh.name.clone(), source }),
+        };
+        let placed = meshes.iter().cycle().take(instances).enumerate().map(in_place).collect::<Result<_, _>>()?;
+        let corner = corner_around(SPIRAL * (instances as f64 - 0.5).sqrt());
+        let receivers = corner.receivers(question.side.max(8));
+        Ok(Self { placed, corner, receivers, middle: corner.origin + DVec3::splat(corner.side * 0.5) })
+    }
+
+    fn exact(&self, some: &[(&Mesh, DAffine3)]) -> Result<ExactScene, BakeError> {
+        let name = || some.first().map_or(String::new(), |(mesh, _)| mesh.name.clone());
+        ExactScene::new(some, self.middle).map_err(|source| BakeError::Mesh { name: name(), source })
+    }
+
+    /// Occlusion of every receiver by very many rays.
+    fn trace(&self, scene: &ExactScene, progress: &Progress, doing: &str) -> Vec<f32> {
+        let of = |(index, receiver)| {
+            progress.add(TRUTH_RAYS.into(), doing);
+            exact_occlusion_of(scene, receiver, index, TRUTH_RAYS, Falloff::None)
+        };
+        self.receivers.par_iter().enumerate().map(of).collect()
+    }
+
+    /// The product rule for what very many rays find of each object alone, and nanoseconds for a receiver and object.
+    fn product_of_exact(&self, progress: &Progress) -> Result<(Vec<f32>, f64), BakeError> {
+        let mut visible = vec![1.0; self.receivers.len()];
+        // One thread would take minutes for all of them.
+        let step = self.receivers.len().div_ceil(TIMED_RECEIVERS);
+        let timed: Vec<_> = self.receivers.iter().enumerate().step_by(step).collect();
+        let mut time = 0.0;
+        for (number, object) in (1..).zip(&self.placed) {
+            let alone = self.exact(std::slice::from_ref(object))?;
+            let doing = format!("exact rays of object {number} of {}", self.placed.len());
+            let occlusion = self.trace(&alone, progress, &doing);
+            visible.iter_mut().zip(&occlusion).for_each(|(visible, occlusion)| *visible *= 1.0 - occlusion);
+            time += seconds(|| {
+                let of = |&(index, receiver)| exact_occlusion_of(&alone, receiver, index, TRUTH_RAYS, Falloff::None);
+                timed.iter().map(of).sum::<f32>()
+            });
+        }
+        let asked = timed.len() * self.placed.len();
+        Ok((visible.iter().map(|visible| 1.0 - visible).collect(), time / asked as f64 * 1e9))
+    }
+
+    /// Of a time for all receivers and objects, the share of one of each.
+    fn nanoseconds(&self, seconds: f64) -> f64 {
+        seconds / (self.receivers.len() * self.placed.len()) as f64 * 1e9
+    }
+}
+
+/// A rule for cap grids, with room for its answers.
+struct Answered<'a> {
+    asked: AskedCaps<'a>,
+    receivers: &'a [Receiver],
+    answers: Vec<CapAmbient>,
+}
+
+impl<'a> Answered<'a> {
+    fn new(asked: AskedCaps<'a>, receivers: &'a [Receiver]) -> Self {
+        Self { asked, receivers, answers: vec![CapAmbient::UNOCCLUDED; receivers.len()] }
+    }
+
+    fn ask(&mut self) {
+        self.asked.ask(self.receivers, &mut self.answers);
+    }
 }
 
 fn soft_caps(directions: u32) -> CapCombination {
@@ -280,6 +315,13 @@ impl<'a> TableRays<'a> {
             self.caster.occluded_batch(&self.rays[range.clone()], options, &mut occluded[range]);
             first += length;
         }
+    }
+
+    /// The share of rays of each receiver that hit.
+    fn shares(hits: &[bool]) -> Vec<f32> {
+        hits.chunks(TABLE_RAYS as usize)
+            .map(|hits| hits.iter().filter(|&&hit| hit).count() as f32 / TABLE_RAYS as f32)
+            .collect()
     }
 }
 

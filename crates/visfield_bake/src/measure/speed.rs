@@ -107,10 +107,9 @@ impl RaySet {
     /// Median seconds of one thread for all rays: through the field, and through the triangles.
     pub(super) fn race(&self, field: &VisibilityField, triangles: &TriangleBvh) -> (f64, f64) {
         let [mut by_field, mut by_triangles] = [self.unanswered(), self.unanswered()];
-        let [field, triangles] = race([&mut || self.ask_field(field, black_box(&mut by_field)), &mut || {
-            self.ask_triangles(triangles, black_box(&mut by_triangles))
-        }]);
-        (field, triangles)
+        let mut ask_field = || self.ask_field(field, black_box(&mut by_field));
+        let mut ask_triangles = || self.ask_triangles(triangles, black_box(&mut by_triangles));
+        race([&mut ask_field, &mut ask_triangles]).into()
     }
 }
 
