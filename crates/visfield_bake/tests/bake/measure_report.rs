@@ -224,7 +224,7 @@ fn a_sweep_marks_what_nothing_beats() {
     let (caps, tables): (Vec<_>, Vec<_>) = points.iter().partition(|point| point.representation == "cap-grid");
     let caps = caps[0];
     let best = tables.iter().min_by(|a, b| a.corner.rms_255.total_cmp(&b.corner.rms_255)).unwrap();
-    assert!(best.pareto || caps.mean_abs_truth <= best.mean_abs_truth, "nothing else can beat it");
+    assert!(best.pareto, "nothing can beat it, and a cap grid answers no rays");
     assert!(caps.pareto, "nothing is as small");
     assert_eq!((caps.size.as_str(), caps.encoding.as_str(), caps.field_bytes), ("8\u{b3}", "rgba8", 2048));
     assert_eq!((caps.rays_per_second, caps.mean_abs_truth), (None, caps.corner.mean_abs));
