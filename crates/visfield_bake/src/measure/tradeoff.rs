@@ -403,7 +403,8 @@ mod tests {
             caps(0.006, point(0.4, 10, 0.01)),
         ];
         mark_pareto(&mut points);
-        // By their rays the first table beats the second, which beats the second cap grid by the truth, as the first one does too.
+        // The first table beats the second by its rays, the second table beats the second cap grid by the truth, and the first cap
+        // grid beats the third by the truth.
         assert_eq!(points.map(|point| point.pareto), [true, false, true, false, false]);
     }
 
