@@ -1,17 +1,19 @@
-//! `visfield bake`: a mesh file in, a `.vfield` file out, of a table that was asked for or of one that is good enough.
+//! `visfield bake`: a mesh file in, a `.vfield` file out, of the parts that were asked for, with a table that was asked for or
+//! one that is good enough.
 
 use std::fmt::Write;
 use std::fs;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use clap::Args;
 use indicatif::{DecimalBytes, HumanCount, ProgressBar, ProgressStyle};
-use visfield::{ChordTable, Encoding, Representation, VisibilityField, file};
+use visfield::{CapGridFormat, ChordTable, Encoding, FieldParts, Representation, VisibilityField, file};
 use visfield_bake::tune::{TuneError, TuneQuestion, TuneStep, tune};
 use visfield_bake::{BakeError, BakeSettings, Mesh, bake, read_meshes};
 
-use super::inspect::measured_line;
+use super::inspect::{cap_grid_error, measured_line, serves_inside};
 use super::settings::FieldArguments;
 use super::tune::TuneArguments;
 use super::{CommandError, check_output};
@@ -26,14 +28,21 @@ Examples:
   visfield bake car.gltf --max-bytes 500kB          the most accurate table of at most 500 kB
   visfield bake rock.glb --max-rms 4 --for ao       the smallest one for ambient occlusion with an RMS of 4/255
   visfield bake tree.glb --max-rms 1.5 --max-bytes 2MB --for ao --receivers others
+  visfield bake pebble.glb --representation cap-grid --points 8    2 kB, for ambient occlusion alone
+  visfield bake lamp.glb --falloff linear=1.5                      what is 1.5 mesh units away no longer counts in the cap grid
+
+A field holds a table, which answers rays, for ambient occlusion and shadows; and a cap grid, which gives ambient occlusion
+without rays and without noise. --representation says which, by default both.
 
 A table takes entries\u{b2} \u{d7} exits\u{b2} bytes in memory, less in the file, and as many rays to bake: 4.3 million by default,
-about a second. Halving both sides makes it 16 times smaller.
+about a second. Halving both sides makes it 16 times smaller. A cap grid takes 4 bytes for each of points\u{b3} points, or
+2, 4 or 8 times as much with --precision and --order, and a second or two. It is measured while it is baked, around the mesh's box
+and inside it.
 
 With a limit, tables of bits and of bytes are baked and measured on the very mesh, against exact rays: on a floor and walls
 around it, and on itself. The smallest that meets the limits wherever they are required is written, and what it was measured
 to get wrong, which `visfield inspect` shows. If there is none, the command fails and writes nothing. Each mesh of a glTF file
-is tuned by itself, with the same limits for each. It takes seconds, up to a minute for limits that cannot be met.")]
+is tuned by itself, with the same limits for each; the cap grid, if asked for, is baked beside the table. It takes seconds, up to a minute for limits that cannot be met.")]
 pub(super) struct Arguments {
     /// The mesh: a .glb, .gltf or .obj file in any units, closed or open. Each primitive of a glTF file becomes a field of
     /// its own; node transforms are left out.
@@ -62,7 +71,7 @@ impl Arguments {
         let mut fields = Vec::new();
         for mesh in &meshes {
             let baked = match &question {
-                Some(question) => tune_one(mesh, question, &bar, &mut report),
+                Some(question) => tune_one(mesh, question, settings, &bar, &mut report),
                 None => bake_one(mesh, settings, &bar, &mut report),
             };
             match baked {
@@ -71,7 +80,7 @@ impl Arguments {
                     let path = self.mesh.clone();
                     return Err(match error {
                         TuneError::Bake(source) => CommandError::Bake { path, source },
-                        source => CommandError::Tune { path, source },
+                        source => CommandError::Tune { path, source: Box::new(source) },
                     });
                 }
                 Err(error) => {
@@ -101,7 +110,7 @@ fn bake_one(
 ) -> Result<VisibilityField, TuneError> {
     bar.set_message(mesh.name.clone());
     let start = Instant::now();
-    let field = bake(mesh, &settings, |rays| bar.inc(rays))?;
+    let (field, rays) = bake_counted(mesh, &settings, bar)?;
     let (header, seconds) = (field.header(), start.elapsed().as_secs_f64());
     _ = writeln!(
         report,
@@ -110,16 +119,31 @@ fn bake_one(
         HumanCount(header.triangles.into()),
         field.table().map_or_else(String::new, table_size),
         seconds,
-        settings.rays() as f64 / seconds * 1e-6,
+        rays as f64 / seconds * 1e-6,
     );
+    report_cap_grid(&field, report);
     note_limits(&field, report);
     Ok(field)
 }
 
-/// Bakes a mesh as cheaply as will do. The bar starts again for every table that is tried.
+/// Bakes and moves the bar by all that was expected; how many rays it really took is returned too.
+fn bake_counted(mesh: &Mesh, settings: &BakeSettings, bar: &ProgressBar) -> Result<(VisibilityField, u64), BakeError> {
+    let traced = AtomicU64::new(0);
+    let field = bake(mesh, settings, |rays| {
+        traced.fetch_add(rays, Ordering::Relaxed);
+        bar.inc(rays);
+    })?;
+    let traced = traced.into_inner();
+    bar.inc(settings.rays().saturating_sub(traced));
+    Ok((field, traced))
+}
+
+/// Bakes a mesh with a table that is as cheap as will do, and the cap grid of the settings if they have one. The bar starts
+/// again for every table that is tried.
 fn tune_one(
     mesh: &Mesh,
     question: &TuneQuestion,
+    settings: BakeSettings,
     bar: &ProgressBar,
     report: &mut String,
 ) -> Result<VisibilityField, TuneError> {
@@ -149,8 +173,29 @@ fn tune_one(
     for measured in &header.measured {
         _ = writeln!(report, "  {}", measured_line(measured));
     }
-    note_limits(&tuned.field, report);
-    Ok(tuned.field)
+    let field = match settings.cap_grid {
+        Some(format) => with_cap_grid(&tuned.field, mesh, format, bar)?,
+        None => tuned.field,
+    };
+    report_cap_grid(&field, report);
+    note_limits(&field, report);
+    Ok(field)
+}
+
+/// The same field with a cap grid beside its table.
+fn with_cap_grid(
+    field: &VisibilityField,
+    mesh: &Mesh,
+    format: CapGridFormat,
+    bar: &ProgressBar,
+) -> Result<VisibilityField, BakeError> {
+    let settings = BakeSettings::of_cap_grid(format);
+    bar.set_message(format!("{}: {settings}", mesh.name));
+    bar.set_length(settings.rays());
+    bar.set_position(0);
+    let (caps, _) = bake_counted(mesh, &settings, bar)?;
+    let parts = FieldParts { cap_grid: caps.cap_grid().cloned(), ..field.parts().clone() };
+    Ok(VisibilityField::new(field.header().clone(), parts)?)
 }
 
 /// Part of a line: which chords a table stores, in how many bytes.
@@ -158,8 +203,23 @@ fn table_size(table: &ChordTable) -> String {
     format!("table {} = {}, ", table.representation(), DecimalBytes(table.format().bytes()))
 }
 
+/// A line about the cap grid, if there is one.
+fn report_cap_grid(field: &VisibilityField, report: &mut String) {
+    let Some(grid) = field.cap_grid() else { return };
+    let format = grid.header().format;
+    let error = cap_grid_error(grid).map_or_else(String::new, |error| format!(", {error}"));
+    _ = writeln!(report, "  cap grid {format} = {}{error}", DecimalBytes(format.bytes()));
+}
+
 /// What the field cannot do in a game, if anything.
 fn note_limits(field: &VisibilityField, report: &mut String) {
+    if field.cap_grid().is_some_and(|grid| !serves_inside(grid)) {
+        _ = writeln!(
+            report,
+            "  note: the cap grid is wrong inside its box; receivers there get rays where the field has a table, and may be wrong \
+             where it has none"
+        );
+    }
     let Some(table) = field.table() else { return };
     if matches!(table.representation(), Representation::Hemisphere { .. }) {
         _ = writeln!(report, "  note: for comparisons; games render two-point fields only");

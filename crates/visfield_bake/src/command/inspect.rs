@@ -6,14 +6,15 @@ use std::path::PathBuf;
 
 use clap::Args;
 use indicatif::{DecimalBytes, HumanCount};
+use visfield::field::cap_grid::{CapGridError, Falloff, HarmonicOrder};
 use visfield::field::lookup::ChordGrid;
 use visfield::field::measured::{Measured, MeasuredScene, Purpose};
-use visfield::{BoundingEllipsoid, ChordTable, Encoding, Representation, VisibilityField, file};
+use visfield::{BoundingEllipsoid, CapGrid, ChordTable, Encoding, Representation, VisibilityField, file};
 
 use super::CommandError;
 
-/// Show what a .vfield file holds: sizes, bounds in mesh units, how many chords meet the mesh, and what was measured when it
-/// was tuned.
+/// Show what a .vfield file holds: sizes, bounds in mesh units, how many chords of the table meet the mesh, what the cap grid
+/// stores, and what was measured when they were baked or tuned.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
@@ -54,6 +55,9 @@ fn report_field(report: &mut String, field: &VisibilityField) {
     if let Some(table) = field.table() {
         report_table(report, table);
     }
+    if let Some(grid) = field.cap_grid() {
+        report_cap_grid(report, grid);
+    }
     for (i, measured) in header.measured.iter().enumerate() {
         let label = if i == 0 { "measured" } else { "" };
         _ = writeln!(report, "  {label:<15}  {}", measured_line(measured));
@@ -84,6 +88,42 @@ fn report_table(report: &mut String, table: &ChordTable) {
     _ = writeln!(report, "  encoding         {encoding}");
     _ = writeln!(report, "  table            {} bytes", HumanCount(table.format().bytes()));
     _ = writeln!(report, "  chords that hit  {share:.1} %");
+}
+
+fn report_cap_grid(report: &mut String, grid: &CapGrid) {
+    let format = grid.header().format;
+    let order = match format.order {
+        HarmonicOrder::One => "harmonics of order 1",
+        HarmonicOrder::Three => "harmonics of order 3, for large lights too",
+    };
+    let falloff = match format.falloff {
+        Falloff::None => "none: a surface counts at any distance".to_owned(),
+        Falloff::Exponential { tau } => format!("exponential, e^(\u{2212}{tau}\u{b7}distance), distance in mesh units"),
+        Falloff::Linear { distance } => format!("linear, to nothing at {distance} mesh units"),
+    };
+    let bytes = HumanCount(format.bytes());
+    _ = writeln!(
+        report,
+        "  cap grid         {}\u{b3} points, {order}, {}, {bytes} bytes",
+        format.points,
+        format.precision.name()
+    );
+    _ = writeln!(report, "  falloff          {falloff}");
+    if let Some(error) = cap_grid_error(grid) {
+        let mark = if serves_inside(grid) { "serves receivers inside it" } else { "not for receivers inside it" };
+        _ = writeln!(report, "  its errors       {error}: {mark}");
+    }
+}
+
+/// What a cap grid was found to get wrong, in words, if it was measured.
+pub(super) fn cap_grid_error(grid: &CapGrid) -> Option<String> {
+    let CapGridError { outside, inside } = grid.header().error?;
+    Some(format!("mean error {outside:.4} around it, {inside:.3} inside its box"))
+}
+
+/// Whether receivers inside the box can be asked too. A grid that was not measured is not known to fail.
+pub(super) fn serves_inside(grid: &CapGrid) -> bool {
+    grid.header().error.is_none_or(|error| error.serves_inside())
 }
 
 /// One measurement in words.

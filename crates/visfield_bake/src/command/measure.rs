@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use indicatif::{DecimalBytes, HumanCount, ProgressBar, ProgressStyle};
-use visfield::QueryOptions;
 use visfield::estimate::sampling::DiscBasis;
 use visfield::field::lookup::Aim;
 use visfield::field::query::Bias;
+use visfield::{CapGridFormat, QueryOptions};
 use visfield_bake::measure::ambient::AmbientSpeed;
+use visfield_bake::measure::many::{ManyQuestion, measure_many};
 use visfield_bake::measure::paper2008::{Paper2008Question, paper2008};
 use visfield_bake::measure::picture::{Pictures, corner_pictures};
 use visfield_bake::measure::tradeoff::{Sweep, tradeoff};
@@ -18,11 +19,11 @@ use visfield_bake::measure::{
 };
 use visfield_bake::{BakeError, Mesh, read_meshes};
 
-use super::settings::FieldArguments;
+use super::settings::{FieldArguments, one_representation, points};
 use super::{CommandError, check_output};
 
-/// Measure what a field costs and what it gets wrong: the same rays through the field and through triangles (crate obvhs) in
-/// one run. Speeds are of one thread; let nothing else run meanwhile.
+/// Measure what a field costs and what it gets wrong: the same rays through a table and through triangles (crate obvhs), or a cap
+/// grid against very many of them, in one run. Speeds are of one thread; let nothing else run meanwhile.
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     #[command(subcommand)]
@@ -35,6 +36,7 @@ enum What {
     Shadow(Shadow),
     Paper2008(Paper),
     Tradeoff(Tradeoffs),
+    Many(Objects),
 }
 
 #[derive(Debug, Args)]
@@ -81,18 +83,13 @@ struct Output {
 
 impl Output {
     /// Finds out before the work whether its result could be written.
-    fn check(&self, mesh: &MeshArguments, more: &[PathBuf]) -> Result<(), CommandError> {
-        let inputs = [std::slice::from_ref(&mesh.mesh), more].concat();
-        self.json.as_deref().map_or(Ok(()), |json| check_output(&inputs, json))
+    fn check(&self, inputs: &[PathBuf]) -> Result<(), CommandError> {
+        self.json.as_deref().map_or(Ok(()), |json| check_output(inputs, json))
     }
 
-    fn write(
-        &self,
-        document: impl FnOnce() -> Result<MeasurementDocument, BakeError>,
-        mesh: &MeshArguments,
-    ) -> Result<(), CommandError> {
+    fn write(&self, document: impl FnOnce() -> Result<MeasurementDocument, CommandError>) -> Result<(), CommandError> {
         let Some(path) = &self.json else { return Ok(()) };
-        document().map_err(|source| mesh.error(source))?.write(path)?;
+        document()?.write(path)?;
         Ok(())
     }
 }
@@ -155,16 +152,22 @@ impl From<SceneName> for MeasureScene {
 
 /// Ambient occlusion.
 #[derive(Debug, Args)]
-#[command(after_help = "\
+#[command(
+    mut_arg("representation", one_representation),
+    after_help = "\
 Examples:
   visfield measure ao --mesh bunny.obj
   visfield measure ao --mesh bunny.obj --entries 33 --aim plain --json plain.json
   visfield measure ao --mesh bunny.obj --representation hemisphere --aim plain
   visfield measure ao --mesh bunny.obj --entries 65 --exits 64 --scene self
+  visfield measure ao --mesh bunny.obj --representation cap-grid --points 16
 
 Errors are of occlusion, from 0 to 1. The RMS is in steps of 1/255 and over all receivers; the other errors are over the
 receivers whose exact or estimated occlusion exceeds 1/255. All are against the same rays, but for `truth`, which is against
-4096 exact rays.")]
+4096 exact rays and charges the noise of few rays to whoever sends them. A cap grid sends none: all its errors are against the
+4096. Its time is that of one object, for all receivers, raced against --rays exact rays of each and against 64 rays of each
+through a table of 65\u{b2} \u{d7} 32\u{b2} bytes."
+)]
 struct Ambient {
     #[command(flatten)]
     mesh: MeshArguments,
@@ -184,13 +187,16 @@ struct Ambient {
 
 /// The soft shadow of a slanted directional light.
 #[derive(Debug, Args)]
-#[command(after_help = "\
+#[command(
+    mut_arg("representation", one_representation),
+    after_help = "\
 Examples:
   visfield measure shadow --mesh bunny.obj
   visfield measure shadow --mesh bunny.obj --angular-radius 0.00465 --encoding bit --entries 65 --exits 91
 
 Errors are of the occlusion of the light, from 0 to 1. The RMS is in steps of 1/255 and over receivers that are partly lit;
-the other errors are over those that are not fully lit.")]
+the other errors are over those that are not fully lit."
+)]
 struct Shadow {
     #[command(flatten)]
     mesh: MeshArguments,
@@ -238,8 +244,8 @@ struct Paper {
     output: Output,
 }
 
-/// Many fields of one mesh: representations, sizes, encodings and bounds, and which of them nothing beats in error, size and
-/// time. Takes some minutes; `--quick` tries a few small ones.
+/// Many fields of one mesh: representations, sizes, encodings and bounds, cap grids too, and which of them nothing beats in error,
+/// size and time. Takes some minutes; `--quick` tries a few small ones.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
@@ -247,9 +253,33 @@ Example:
 struct Tradeoffs {
     #[command(flatten)]
     mesh: MeshArguments,
-    /// A few small tables only
+    /// A few small tables and a small cap grid only
     #[arg(long)]
     quick: bool,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// Several objects at once, close to each other: how well cap grids combine, by each of their rules, against exact rays of the whole
+/// scene. Takes some tens of seconds.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  visfield measure many --meshes bunny.obj,cow.obj,teapot.obj --instances 8 --json many.json
+
+The objects are scaled to one size and stand on a floor with two walls, or hang above it. Errors are of occlusion, from 0 to 1,
+against 4096 exact rays per receiver. `product of exact occlusions` shows what the product alone gets wrong: it needs 4096 rays for
+each object. `64 rays through tables` sends them in batches through tables of 65\u{b2} \u{d7} 32\u{b2} bytes, and has their noise.")]
+struct Objects {
+    /// The meshes: .glb, .gltf or .obj files, all their primitives in turn
+    #[arg(long, value_name = "FILES", value_delimiter = ',', required = true)]
+    meshes: Vec<PathBuf>,
+    /// Number of objects, 1 to 64
+    #[arg(long, value_name = "COUNT", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=64))]
+    instances: u8,
+    /// Points of each cap grid along each axis, 4 to 64
+    #[arg(long, value_name = "COUNT", default_value_t = CapGridFormat::DEFAULT.points, value_parser = points())]
+    points: u32,
     #[command(flatten)]
     output: Output,
 }
@@ -261,13 +291,14 @@ impl Arguments {
             What::Shadow(arguments) => arguments.run(),
             What::Paper2008(arguments) => arguments.run(),
             What::Tradeoff(arguments) => arguments.run(),
+            What::Many(arguments) => arguments.run(),
         }
     }
 }
 
 impl Ambient {
     fn run(&self) -> Result<String, CommandError> {
-        self.output.check(&self.mesh, &[])?;
+        self.output.check(std::slice::from_ref(&self.mesh.mesh))?;
         let mesh = self.mesh.read()?;
         let question = AmbientQuestion {
             bake: self.field.settings(),
@@ -279,17 +310,18 @@ impl Ambient {
         let measurement = measure_ambient(&mesh, &question).map_err(|source| self.mesh.error(source))?;
         let text = ambient_table(&measurement);
         let document = || {
-            let pictures = pictures(&mesh, question.scene, &measurement.exact, &measurement.found)?;
+            let pictures = pictures(&mesh, question.scene, &measurement.exact, &measurement.found)
+                .map_err(|source| self.mesh.error(source))?;
             Ok(MeasurementDocument::Ambient { measurement: Box::new(measurement), pictures })
         };
-        self.output.write(document, &self.mesh)?;
+        self.output.write(document)?;
         Ok(text)
     }
 }
 
 impl Shadow {
     fn run(&self) -> Result<String, CommandError> {
-        self.output.check(&self.mesh, &[])?;
+        self.output.check(std::slice::from_ref(&self.mesh.mesh))?;
         let mesh = self.mesh.read()?;
         let question = ShadowQuestion {
             bake: self.field.settings(),
@@ -302,37 +334,70 @@ impl Shadow {
         let measurement = measure_shadow(&mesh, &question).map_err(|source| self.mesh.error(source))?;
         let text = shadow_table(&measurement);
         let document = || {
-            let pictures = pictures(&mesh, question.scene, &measurement.exact, &measurement.found)?;
+            let pictures = pictures(&mesh, question.scene, &measurement.exact, &measurement.found)
+                .map_err(|source| self.mesh.error(source))?;
             Ok(MeasurementDocument::Shadow { measurement: Box::new(measurement), pictures })
         };
-        self.output.write(document, &self.mesh)?;
+        self.output.write(document)?;
         Ok(text)
     }
 }
 
 impl Paper {
     fn run(&self) -> Result<String, CommandError> {
-        self.output.check(&self.mesh, &self.models)?;
+        self.output.check(&[std::slice::from_ref(&self.mesh.mesh), &self.models].concat())?;
         let mesh = self.mesh.read()?;
         let others = self.models.iter().map(|path| read_mesh(path, None)).collect::<Result<Vec<_>, _>>()?;
         let measurement =
             with_progress(|progress| paper2008(&mesh, &others, &Paper2008Question::new(self.quick), progress))
                 .map_err(|source| self.mesh.error(source))?;
         let text = measurement.table();
-        self.output.write(|| Ok(MeasurementDocument::Paper2008(Box::new(measurement))), &self.mesh)?;
+        self.output.write(|| Ok(MeasurementDocument::Paper2008(Box::new(measurement))))?;
         Ok(text)
     }
 }
 
 impl Tradeoffs {
     fn run(&self) -> Result<String, CommandError> {
-        self.output.check(&self.mesh, &[])?;
+        self.output.check(std::slice::from_ref(&self.mesh.mesh))?;
         let mesh = self.mesh.read()?;
         let sweep = if self.quick { Sweep::quick() } else { Sweep::default() };
         let measurement =
             with_progress(|progress| tradeoff(&mesh, &sweep, progress)).map_err(|source| self.mesh.error(source))?;
         let text = measurement.table();
-        self.output.write(|| Ok(MeasurementDocument::Tradeoff(Box::new(measurement))), &self.mesh)?;
+        self.output.write(|| Ok(MeasurementDocument::Tradeoff(Box::new(measurement))))?;
+        Ok(text)
+    }
+}
+
+impl Objects {
+    fn run(&self) -> Result<String, CommandError> {
+        self.output.check(&self.meshes)?;
+        let mut meshes = Vec::new();
+        for path in &self.meshes {
+            let read = read_meshes(path)?;
+            let several = read.len() > 1;
+            for mesh in read {
+                let file = file_name(path);
+                let name = if several { format!("{file} {}", mesh.name) } else { file };
+                let mesh = Mesh { name, ..mesh };
+                // Before anything that takes time, and while it is known which file it is from.
+                mesh.validate().map_err(|source| CommandError::Bake {
+                    path: path.clone(),
+                    source: BakeError::Mesh { name: mesh.name.clone(), source },
+                })?;
+                meshes.push(mesh);
+            }
+        }
+        let question = ManyQuestion {
+            instances: self.instances.into(),
+            cap_grid: CapGridFormat { points: self.points, ..CapGridFormat::DEFAULT },
+            ..ManyQuestion::default()
+        };
+        let measurement = with_progress(|progress| measure_many(&meshes, &question, progress))
+            .map_err(|source| CommandError::Bake { path: self.meshes[0].clone(), source })?;
+        let text = measurement.table();
+        self.output.write(|| Ok(MeasurementDocument::Many(Box::new(measurement))))?;
         Ok(text)
     }
 }
@@ -374,7 +439,7 @@ fn ambient_table(m: &AmbientMeasurement) -> String {
     let mut lines = vec![
         ("mesh", format!("{}, {} triangles", m.mesh, HumanCount(m.triangles.into()))),
         ("field", field_line(&m.representation, &m.size, &m.encoding, &m.bounds)),
-        ("table", DecimalBytes(m.field_bytes).to_string()),
+        ("in memory", DecimalBytes(m.field_bytes).to_string()),
         ("bake", format!("{:.2} s, {}", m.bake_seconds, mega(m.bake_rays_per_second))),
         ("scene", format!("{}, {} receivers, lookups: {}", m.scene, HumanCount(m.receivers as u64), m.aim)),
         ("rays", rays_line(m.rays, m.rays_meeting_bounds, m.occluded_fraction)),
@@ -416,15 +481,36 @@ fn rays_line(rays: u64, meeting: u64, occluded: f64) -> String {
 }
 
 fn speed_lines(speed: &AmbientSpeed) -> Lines {
-    vec![
-        ("all rays", format!("field {:.4} s, triangles {:.4} s", speed.field_seconds, speed.bvh_seconds)),
-        ("  speedup", format!("{:.1}\u{d7}", speed.speedup)),
-        ("rays that meet the bounds", String::new()),
-        ("  speedup", format!("{:.1}\u{d7}", speed.speedup_meeting_bounds)),
-        ("  through the field", mega(speed.lookups_per_second)),
+    let times = format!("field {:.6} s, triangles {:.6} s", speed.field_seconds, speed.bvh_seconds);
+    let mut lines = match speed.caps {
+        None => vec![
+            ("all rays", times),
+            ("  speedup", format!("{:.1}\u{d7}", speed.speedup)),
+            ("rays that meet the bounds", String::new()),
+            ("  speedup", format!("{:.1}\u{d7}", speed.speedup_meeting_bounds)),
+            ("  through the field", mega(speed.lookups_per_second)),
+        ],
+        Some(caps) => vec![
+            ("a receiver and object", format!("{:.1} ns", caps.nanoseconds_per_receiver_and_object)),
+            (
+                "64 rays of a receiver",
+                format!(
+                    "{:.0} ns: 64 rays through a 65\u{b2} \u{d7} 32\u{b2} table cost {:.1}\u{d7} as much",
+                    caps.table_nanoseconds_per_receiver,
+                    caps.ratio()
+                ),
+            ),
+            ("all receivers", times),
+            ("  speedup", format!("{:.1}\u{d7}", speed.speedup)),
+            ("  receivers", mega(speed.lookups_per_second)),
+            ("rays that meet the bounds", String::new()),
+        ],
+    };
+    lines.extend([
         ("  through the triangles", mega(speed.bvh_rays_per_second)),
-        ("  random bytes of the table", mega(speed.gather_limit_lookups_per_second)),
-    ]
+        ("random bytes of the field", mega(speed.gather_limit_lookups_per_second)),
+    ]);
+    lines
 }
 
 fn error_lines([rms_255, mean_abs, max_abs, bias]: [f64; 4], [truth, exact_truth]: [f64; 2]) -> Lines {

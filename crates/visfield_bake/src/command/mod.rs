@@ -59,7 +59,7 @@ pub(crate) enum CommandError {
     #[error("{path}: {source}")]
     Bake { path: PathBuf, source: BakeError },
     #[error("{path}: {source}; nothing is written")]
-    Tune { path: PathBuf, source: TuneError },
+    Tune { path: PathBuf, source: Box<TuneError> },
     #[error("{path}: choose one of its meshes with --primitive NAME: {names}")]
     WhichMesh { path: PathBuf, names: String },
     #[error("{path}: none of its {meshes} meshes can be baked, see the warnings")]

@@ -7,7 +7,7 @@ use visfield_bake::tune::{TuneQuestion, TuneReceivers, WORST_RMS};
 #[derive(Debug, Args)]
 #[command(
     next_help_heading = "Tuning: the cheapest table that is good enough",
-    group = ArgGroup::new("limits").args(["max_rms", "max_bytes"]).multiple(true).conflicts_with("FieldArguments")
+    group = ArgGroup::new("limits").args(["max_rms", "max_bytes"]).multiple(true).conflicts_with_all(["TableArguments", "bounds"])
 )]
 pub(super) struct TuneArguments {
     /// Largest error of occlusion, as measured with this mesh: RMS in steps of 1/255, 0 to 255. Holds for the worst of what is

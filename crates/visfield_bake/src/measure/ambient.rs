@@ -1,16 +1,22 @@
-//! Ambient occlusion by a field against the same rays through triangles.
+//! Ambient occlusion by a field against exact rays: by a table against the same rays, by a cap grid against very many.
 
+use std::hint::black_box;
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
+use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use visfield::estimate::Receiver;
+use visfield::estimate::caps::CapAmbient;
+use visfield::field::cap_grid::Falloff;
 use visfield::field::lookup::Aim;
-use visfield::{BoundingEllipsoid, ChordTable, QueryOptions, VisibilityField};
+use visfield::{BoundingEllipsoid, CapGrid, ChordTable, QueryOptions, VisibilityField};
 
+use super::caps::{AskedCaps, CapSpeed, OneObject, TABLE_RAYS};
 use super::scene::{MeasureScene, hemisphere_directions};
-use super::speed::{RaySet, gather_limit};
+use super::speed::{RaySet, gather_limit, race};
 use crate::bake::{BakeError, BakeSettings, bake, table_of};
 use crate::exact::ExactScene;
 use crate::mesh::Mesh;
@@ -27,13 +33,13 @@ pub const TRUTH_RAYS: u32 = 4096;
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct AmbientQuestion {
-    /// How the mesh is baked.
+    /// How the mesh is baked. One part is measured: the table if there is one, otherwise the cap grid.
     pub bake: BakeSettings,
     /// Where the receivers are.
     pub scene: MeasureScene,
-    /// Rays per receiver.
+    /// Rays per receiver: what a table is asked, and what a cap grid is raced against.
     pub rays: u32,
-    /// How the field is asked; its normal is the receiver's.
+    /// How a table is asked; its normal is the receiver's.
     pub options: QueryOptions,
     /// Whether speeds are measured too. They take one thread, several repeats, and a quiet machine.
     pub speed: bool,
@@ -52,6 +58,9 @@ impl Default for AmbientQuestion {
 }
 
 /// What was found. Speeds are of one thread; errors are of occlusion, 0 to 1, unless named otherwise.
+///
+/// A cap grid sends no rays. What is said here of *the same rays* means [`TRUTH_RAYS`] exact rays for it, with its falloff if it
+/// has one; and the rays that are counted are those of the triangles that it is raced against.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct AmbientMeasurement {
     /// Name of the mesh.
@@ -60,17 +69,17 @@ pub struct AmbientMeasurement {
     pub triangles: u32,
     /// Where the receivers are.
     pub scene: MeasureScene,
-    /// `two-point` or `hemisphere`.
+    /// `two-point`, `hemisphere` or `cap-grid`.
     pub representation: String,
-    /// The numbers of the representation, as 65² × 32².
+    /// The numbers of the representation, as 65² × 32² or 16³.
     pub size: String,
-    /// How the table is encoded: `bit`, `u8`, `u16` or `f32`.
+    /// How it is encoded: a table as `bit`, `u8`, `u16` or `f32`, a cap grid as `rgba8` or `rgba16f`.
     pub encoding: String,
-    /// `sphere` or `ellipsoid`.
+    /// `sphere` or `ellipsoid`; `box` for a cap grid.
     pub bounds: String,
-    /// `point` or `plain`.
+    /// `point` or `plain`; `none` for a cap grid.
     pub aim: String,
-    /// Size of the table in memory.
+    /// Size in memory of what was measured.
     pub field_bytes: u64,
     /// Seconds for the whole bake, on all threads.
     pub bake_seconds: f64,
@@ -112,20 +121,24 @@ pub struct AmbientMeasurement {
 /// How fast both were.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct AmbientSpeed {
-    /// Seconds for all rays through the field.
+    /// Seconds for all rays through the field; of a cap grid, for all receivers.
     pub field_seconds: f64,
     /// Seconds for all rays through the triangles.
     pub bvh_seconds: f64,
     /// Their ratio.
     pub speedup: f64,
-    /// The ratio over the rays that meet the field's bounds.
+    /// The ratio over the rays that meet the field's bounds. A cap grid does not tell them apart: it answers all receivers, in the
+    /// time of which the triangles answer these rays alone.
     pub speedup_meeting_bounds: f64,
-    /// Random bytes of the table per second.
+    /// Random bytes of the table, or of the cap grid, per second.
     pub gather_limit_lookups_per_second: f64,
-    /// Rays that meet the bounds, per second, through the field.
+    /// Rays that meet the bounds, per second, through the field; of a cap grid, receivers per second.
     pub lookups_per_second: f64,
-    /// The same through the triangles.
+    /// Rays that meet the bounds, per second, through the triangles.
     pub bvh_rays_per_second: f64,
+    /// What only cap grids tell.
+    #[serde(flatten)]
+    pub caps: Option<CapSpeed>,
 }
 
 impl AmbientSpeed {
@@ -144,9 +157,43 @@ impl AmbientSpeed {
             bvh_seconds,
             speedup: bvh_seconds / field_seconds,
             speedup_meeting_bounds: bvh_meeting / field_meeting,
-            gather_limit_lookups_per_second: gather_limit(table),
+            gather_limit_lookups_per_second: gather_limit(table.bytes()),
             lookups_per_second: meeting.field.len() as f64 / field_meeting,
             bvh_rays_per_second: meeting.field.len() as f64 / bvh_meeting,
+            caps: None,
+        }
+    }
+
+    /// Times all receivers through a cap grid, and the rays that they would have to send otherwise: through the triangles, those
+    /// of them that meet the bounds, and few through a table.
+    fn race_caps(
+        [set, meeting]: [&RaySet; 2],
+        receivers: &[Receiver],
+        (grid, caps): (&CapGrid, &AskedCaps),
+        (table, few): (&VisibilityField, &RaySet),
+        triangles: &TriangleBvh,
+    ) -> Self {
+        let mut ambient = vec![CapAmbient::UNOCCLUDED; receivers.len()];
+        let [mut all, mut some, mut fewest] = [set, meeting, few].map(RaySet::unanswered);
+        let [field_seconds, bvh_seconds, bvh_meeting, table_seconds] = race([
+            &mut || caps.ask(receivers, black_box(&mut ambient)),
+            &mut || set.ask_triangles(triangles, black_box(&mut all)),
+            &mut || meeting.ask_triangles(triangles, black_box(&mut some)),
+            &mut || few.ask_field(table, black_box(&mut fewest)),
+        ]);
+        let count = receivers.len() as f64;
+        Self {
+            field_seconds,
+            bvh_seconds,
+            speedup: bvh_seconds / field_seconds,
+            speedup_meeting_bounds: bvh_meeting / field_seconds,
+            gather_limit_lookups_per_second: gather_limit(&grid.bytes()),
+            lookups_per_second: count / field_seconds,
+            bvh_rays_per_second: meeting.field.len() as f64 / bvh_meeting,
+            caps: Some(CapSpeed {
+                nanoseconds_per_receiver_and_object: field_seconds / count * 1e9,
+                table_nanoseconds_per_receiver: table_seconds / count * 1e9,
+            }),
         }
     }
 }
@@ -154,64 +201,106 @@ impl AmbientSpeed {
 /// Bakes a mesh and measures ambient occlusion with it.
 ///
 /// # Errors
-/// [`BakeError`] if the mesh or the settings cannot be baked, or if they have no table.
+/// [`BakeError`] if the mesh or the settings cannot be baked.
 pub fn measure_ambient(mesh: &Mesh, question: &AmbientQuestion) -> Result<AmbientMeasurement, BakeError> {
     let start = Instant::now();
-    let field = bake(mesh, &question.bake, |_| ())?;
+    // A cap grid takes fewer rays than it may.
+    let rays = AtomicU64::new(0);
+    let field = bake(mesh, &question.bake, |traced| {
+        rays.fetch_add(traced, Ordering::Relaxed);
+    })?;
     let bake_seconds = start.elapsed().as_secs_f64();
     let mut measurement = measure_ambient_of(mesh, &field, question)?;
     measurement.bake_seconds = bake_seconds;
-    measurement.bake_rays_per_second = question.bake.rays() as f64 / bake_seconds;
+    measurement.bake_rays_per_second = rays.into_inner() as f64 / bake_seconds;
     Ok(measurement)
+}
+
+/// The part of a field that is measured.
+enum Part<'a> {
+    Table(&'a ChordTable),
+    CapGrid(&'a CapGrid),
+}
+
+impl<'a> Part<'a> {
+    fn of(field: &'a VisibilityField) -> Result<Self, BakeError> {
+        match field.cap_grid() {
+            Some(grid) if field.table().is_none() => Ok(Self::CapGrid(grid)),
+            _ => table_of(field).map(Self::Table),
+        }
+    }
+
+    /// What exact rays have to be weighted with.
+    fn falloff(&self) -> Falloff {
+        match self {
+            Self::Table(_) => Falloff::None,
+            Self::CapGrid(grid) => grid.header().format.falloff,
+        }
+    }
 }
 
 /// The same with a field that is baked already.
 ///
 /// # Errors
-/// [`BakeError`] if the mesh cannot be baked, or if the field has no table.
+/// [`BakeError`] if the mesh cannot be baked.
 pub fn measure_ambient_of(
     mesh: &Mesh,
     field: &VisibilityField,
     question: &AmbientQuestion,
 ) -> Result<AmbientMeasurement, BakeError> {
-    let table = table_of(field)?;
+    let part = Part::of(field)?;
     let mesh_error = |source| BakeError::Mesh { name: mesh.name.clone(), source };
     let receivers = question.scene.receivers(mesh).map_err(mesh_error)?;
     let exact_scene = ExactScene::of_mesh(mesh).map_err(mesh_error)?;
     let triangles = exact_scene.triangles();
-    let directions = |receiver: &Receiver, index: usize| hemisphere_directions(receiver, index, question.rays);
-    let start = |receiver: &Receiver| exact_scene.start(receiver);
-    let set = RaySet::new(triangles, field, question.options, &receivers, directions, start);
+    let rays_of = |field: &VisibilityField, rays: u32, options: QueryOptions| {
+        let directions = |receiver: &Receiver, index: usize| hemisphere_directions(receiver, index, rays);
+        RaySet::new(triangles, field, options, &receivers, directions, |receiver| exact_scene.start(receiver))
+    };
+    let set = rays_of(field, question.rays, question.options);
     let meeting = set.meeting_bounds();
+    let one_object = OneObject::new(field);
+    let caps = one_object.caps();
 
-    let exact = shares(&set.exact_answers(triangles), &set.receivers);
-    let found = shares(&set.field_answers(field), &set.receivers);
-    let truth: Vec<f32> = receivers
-        .par_iter()
-        .enumerate()
-        .map(|(index, receiver)| {
-            let origin = start(receiver);
-            let directions = hemisphere_directions(receiver, index, TRUTH_RAYS);
-            let hit = |direction: &glam::Vec3| triangles.occluded(origin, *direction, 0.0, f32::INFINITY);
-            directions.iter().filter(|direction| hit(direction)).count() as f32 / TRUTH_RAYS as f32
-        })
-        .collect();
-
-    let speed = question.speed.then(|| AmbientSpeed::race(&set, &meeting, field, table, triangles));
+    let [exact, truth] =
+        [question.rays, TRUTH_RAYS].map(|rays| exact_occlusion(&exact_scene, &receivers, rays, part.falloff()));
+    let found = match part {
+        Part::Table(_) => shares(&set.field_answers(field), &set.receivers),
+        Part::CapGrid(_) => caps.found(&receivers),
+    };
+    let speed = match part {
+        _ if !question.speed => None,
+        Part::Table(table) => Some(AmbientSpeed::race(&set, &meeting, field, table, triangles)),
+        Part::CapGrid(grid) => {
+            let table = bake(mesh, &BakeSettings::two_point(65, 32), |_| ())?;
+            let few = rays_of(&table, TABLE_RAYS, QueryOptions::default());
+            let both = ([&set, &meeting], (&table, &few));
+            Some(AmbientSpeed::race_caps(both.0, &receivers, (grid, &caps), both.1, triangles))
+        }
+    };
     let header = field.header();
     let occluded: f64 = exact.iter().map(|&x| f64::from(x)).sum::<f64>() / exact.len() as f64;
-    let against_same = Errors::of(&found, &exact);
     let exact_against_truth = Errors::of(&exact, &truth);
+    let against_truth = Errors::of(&found, &truth);
+    let mean_abs_truth = against_truth.mean_abs;
+    let (names, errors) = match part {
+        Part::Table(table) => {
+            (Names::of_table(table, &header.bounds, question.options.aim), Errors::of(&found, &exact))
+        }
+        Part::CapGrid(grid) => (Names::of_cap_grid(grid), against_truth),
+    };
+    // There is nothing that a cap grid and few rays would have in common.
+    let exact = if matches!(part, Part::CapGrid(_)) { truth } else { exact };
     Ok(AmbientMeasurement {
         mesh: mesh.name.clone(),
         triangles: header.triangles,
         scene: question.scene,
-        representation: table.representation().name().to_owned(),
-        size: table.representation().to_string(),
-        encoding: table.encoding().name().to_owned(),
-        bounds: bounds_name(&header.bounds).to_owned(),
-        aim: aim_name(question.options.aim).to_owned(),
-        field_bytes: table.format().bytes(),
+        representation: names.representation,
+        size: names.size,
+        encoding: names.encoding,
+        bounds: names.bounds,
+        aim: names.aim,
+        field_bytes: names.bytes,
         bake_seconds: 0.0,
         bake_rays_per_second: 0.0,
         receivers: receivers.len(),
@@ -219,11 +308,11 @@ pub fn measure_ambient_of(
         rays_meeting_bounds: meeting.field.len() as u64,
         occluded_fraction: occluded,
         speed,
-        rms_255: against_same.rms * 255.0,
-        mean_abs: against_same.mean_abs,
-        max_abs: against_same.max_abs,
-        bias_signed: against_same.bias,
-        mean_abs_truth: Errors::of(&found, &truth).mean_abs,
+        rms_255: errors.rms * 255.0,
+        mean_abs: errors.mean_abs,
+        max_abs: errors.max_abs,
+        bias_signed: errors.bias,
+        mean_abs_truth,
         exact_mean_abs_truth: exact_against_truth.mean_abs,
         exact_rms_255_truth: exact_against_truth.rms * 255.0,
         exact,
@@ -231,15 +320,66 @@ pub fn measure_ambient_of(
     })
 }
 
-pub(super) fn bounds_name(bounds: &BoundingEllipsoid) -> &'static str {
-    if bounds.sphere_radius().is_some() { "sphere" } else { "ellipsoid" }
+/// The names of what is measured, and its size.
+pub(super) struct Names {
+    pub(super) representation: String,
+    pub(super) size: String,
+    pub(super) encoding: String,
+    pub(super) bounds: String,
+    pub(super) aim: String,
+    pub(super) bytes: u64,
 }
 
-pub(super) fn aim_name(aim: Aim) -> &'static str {
-    match aim {
-        Aim::Plain => "plain",
-        Aim::Point => "point",
+impl Names {
+    pub(super) fn of_table(table: &ChordTable, bounds: &BoundingEllipsoid, aim: Aim) -> Self {
+        Self {
+            representation: table.representation().name().to_owned(),
+            size: table.representation().to_string(),
+            encoding: table.encoding().name().to_owned(),
+            bounds: if bounds.sphere_radius().is_some() { "sphere" } else { "ellipsoid" }.to_owned(),
+            aim: match aim {
+                Aim::Plain => "plain",
+                Aim::Point => "point",
+            }
+            .to_owned(),
+            bytes: table.format().bytes(),
+        }
     }
+
+    pub(super) fn of_cap_grid(grid: &CapGrid) -> Self {
+        let format = grid.header().format;
+        Self {
+            representation: "cap-grid".to_owned(),
+            size: format!("{}\u{b3}", format.points),
+            encoding: format.precision.name().to_owned(),
+            bounds: "box".to_owned(),
+            aim: "none".to_owned(),
+            bytes: format.bytes(),
+        }
+    }
+}
+
+/// Occlusion of every receiver by exact rays, each hit weighted by its distance.
+pub(super) fn exact_occlusion(scene: &ExactScene, receivers: &[Receiver], rays: u32, falloff: Falloff) -> Vec<f32> {
+    let of = |(index, receiver)| exact_occlusion_of(scene, receiver, index, rays, falloff);
+    receivers.par_iter().enumerate().map(of).collect()
+}
+
+/// The same of the receiver with this index.
+pub(super) fn exact_occlusion_of(
+    scene: &ExactScene,
+    receiver: &Receiver,
+    index: usize,
+    rays: u32,
+    falloff: Falloff,
+) -> f32 {
+    let (start, triangles) = (scene.start(receiver), scene.triangles());
+    let directions = hemisphere_directions(receiver, index, rays);
+    let weight = |direction: &Vec3| match falloff {
+        Falloff::None => f32::from(u8::from(triangles.occluded(start, *direction, 0.0, f32::INFINITY))),
+        _ => triangles.closest_hit(start, *direction, f32::INFINITY).map_or(0.0, |t| falloff.weight(t)),
+    };
+    directions.iter().map(weight).sum::<f32>() / directions.len().max(1) as f32
 }
 
 /// The share of occluded rays of each receiver.

@@ -10,6 +10,7 @@ use thiserror::Error;
 use visfield::file::FileError;
 
 use super::ambient::AmbientMeasurement;
+use super::many::Many;
 use super::paper2008::Paper2008;
 use super::picture::Pictures;
 use super::shadow::ShadowMeasurement;
@@ -54,10 +55,12 @@ pub enum MeasurementDocument {
     Paper2008(Box<Paper2008>),
     /// Errors, sizes and speeds of many fields.
     Tradeoff(Box<Tradeoff>),
+    /// Ambient occlusion by several objects at once.
+    Many(Box<Many>),
 }
 
 /// The names of [`MeasurementDocument`]'s variants, as `kind` has them.
-const KINDS: [&str; 4] = ["ambient", "shadow", "paper2008", "tradeoff"];
+const KINDS: [&str; 5] = ["ambient", "shadow", "paper2008", "tradeoff", "many"];
 
 #[derive(Serialize)]
 struct Versioned<'a> {

@@ -1,12 +1,16 @@
 //! What a field costs and what it gets wrong, against exact rays: the same rays, in the same run.
 //!
-//! [`scene`] says where occlusion is measured, [`ambient`] measures it, [`shadow`] measures soft shadows.
-//! With the feature `command`, [`tradeoff`] compares many fields, [`paper2008`] repeats a paper's experiments, [`picture`]
+//! [`scene`] says where occlusion is measured, [`ambient`] measures it, [`caps`] has what is different without
+//! rays, [`shadow`] measures soft shadows.
+//! With the feature `command`, [`many`] combines several objects, [`tradeoff`] compares many fields, [`paper2008`] repeats a paper's experiments, [`picture`]
 //! draws what was measured, and [`document`] keeps it in files.
 
 pub mod ambient;
+pub mod caps;
 #[cfg(feature = "command")]
 pub mod document;
+#[cfg(feature = "command")]
+pub mod many;
 #[cfg(feature = "command")]
 pub mod paper2008;
 #[cfg(feature = "command")]

@@ -56,6 +56,7 @@ pub fn corner_pictures(mesh: &Mesh, exact: &[f32], found: &[f32]) -> Result<Pict
 
 /// The corner as the camera sees it: traced once, shaded many times.
 pub(super) struct CornerView {
+    corner: Corner,
     /// The point of every sub-pixel, row by row.
     points: Vec<Point>,
 }
@@ -64,10 +65,16 @@ impl CornerView {
     pub(super) fn new(mesh: &Mesh) -> Result<Self, MeshError> {
         let corner = Corner::around(mesh)?;
         let scene = ExactScene::new(&[(mesh, glam::DAffine3::IDENTITY)], corner.origin)?;
+        Ok(Self::of(corner, &scene, corner.origin))
+    }
+
+    /// Any corner, and a scene that is relative to `origin`.
+    pub(super) fn of(corner: Corner, scene: &ExactScene, origin: DVec3) -> Self {
         let camera = Camera::new(corner);
         let (rows, columns) = (HEIGHT * SUBPIXELS, WIDTH * SUBPIXELS);
-        let point = |i: u32| visible_point(&scene, corner, camera.eye, camera.direction(i % columns, i / columns));
-        Ok(Self { points: (0..rows * columns).into_par_iter().map(point).collect() })
+        let point =
+            |i: u32| visible_point(scene, origin, corner, camera.eye, camera.direction(i % columns, i / columns));
+        Self { corner, points: (0..rows * columns).into_par_iter().map(point).collect() }
     }
 
     pub(super) fn pictures(&self, exact: &[f32], found: &[f32]) -> Pictures {
@@ -77,7 +84,7 @@ impl CornerView {
         let shade_difference = |point: &Point| match *point {
             Point::Nothing => 0.0,
             Point::Mesh { facing } => facing * 0.2,
-            Point::Square { .. } => interpolate(&difference, point),
+            Point::Square { .. } => interpolate(&self.corner, &difference, point),
         };
         Pictures {
             width: WIDTH,
@@ -100,7 +107,7 @@ impl CornerView {
         self.draw(|point| match *point {
             Point::Nothing => BACKGROUND,
             Point::Mesh { facing } => facing,
-            Point::Square { .. } => 1.0 - interpolate(occlusion, point),
+            Point::Square { .. } => 1.0 - interpolate(&self.corner, occlusion, point),
         })
     }
 
@@ -132,7 +139,7 @@ enum Point {
     Mesh {
         facing: f32,
     },
-    /// One of the corner's squares: its number, and the place in it, 0 to 1.
+    /// The corner's floor or one of its walls: its number, and the place in it, 0 to 1.
     Square {
         square: usize,
         column: f32,
@@ -150,9 +157,9 @@ struct Camera {
 
 impl Camera {
     /// From the open side, a little from above. The squares' far ends, where little happens, are cut off.
-    fn new(Corner { origin, side }: Corner) -> Self {
+    fn new(Corner { origin, side, height }: Corner) -> Self {
         let eye = origin + DVec3::new(2.45, 1.75, 2.45) * side;
-        let target = origin + DVec3::new(0.37, 0.27, 0.37) * side;
+        let target = origin + DVec3::new(0.37, 0.27 * height, 0.37) * side;
         let forward = (target - eye).normalize();
         let right = forward.cross(DVec3::Y).normalize();
         let half_width = 0.27;
@@ -166,10 +173,10 @@ impl Camera {
     }
 }
 
-fn visible_point(scene: &ExactScene, corner: Corner, eye: DVec3, direction: DVec3) -> Point {
+fn visible_point(scene: &ExactScene, origin: DVec3, corner: Corner, eye: DVec3, direction: DVec3) -> Point {
     let square = nearest_square(corner, eye, direction);
     let end = square.map_or(f64::INFINITY, |(t, _)| t);
-    let hit = scene.triangles().closest_hit_normal((eye - corner.origin).as_vec3(), direction.as_vec3(), end as f32);
+    let hit = scene.triangles().closest_hit_normal((eye - origin).as_vec3(), direction.as_vec3(), end as f32);
     match (hit, square) {
         (Some((_, normal)), _) => Point::Mesh { facing: normal.dot(direction.as_vec3().normalize()).abs() },
         (None, Some((_, point))) => point,
@@ -178,14 +185,14 @@ fn visible_point(scene: &ExactScene, corner: Corner, eye: DVec3, direction: DVec
 }
 
 /// The nearest of floor, wall in −z and wall in −x, in the order of the receivers.
-fn nearest_square(Corner { origin, side }: Corner, eye: DVec3, direction: DVec3) -> Option<(f64, Point)> {
+fn nearest_square(Corner { origin, side, height }: Corner, eye: DVec3, direction: DVec3) -> Option<(f64, Point)> {
     // For each square: its normal, the axis of its columns, the axis of its rows.
     [(1, 0, 2), (2, 0, 1), (0, 2, 1)]
         .into_iter()
         .enumerate()
         .filter_map(|(square, (normal, across, along))| {
             let t = (origin[normal] - eye[normal]) / direction[normal];
-            let place = (eye + direction * t - origin) / side;
+            let place = (eye + direction * t - origin) / DVec3::new(side, side * height, side);
             let inside = |x: f64| (0.0..=1.0).contains(&x);
             let point = Point::Square { square, column: place[across] as f32, row: place[along] as f32 };
             (t > 0.0 && inside(place[across]) && inside(place[along])).then_some((t, point))
@@ -193,22 +200,24 @@ fn nearest_square(Corner { origin, side }: Corner, eye: DVec3, direction: DVec3)
         .min_by(|a, b| a.0.total_cmp(&b.0))
 }
 
-/// How many receivers each side of the three squares has.
-fn receivers_per_side(values: &[f32]) -> usize {
-    let side = (values.len() / 3).isqrt();
-    assert!(side >= 2 && 3 * side * side == values.len(), "{} values are not those of a corner", values.len());
+/// How many receivers each side of the floor has.
+fn receivers_per_side(corner: &Corner, values: &[f32]) -> usize {
+    let side = (values.len() as f64 / (1.0 + 2.0 * corner.height)).sqrt().round() as usize;
+    let expected = (side + 2 * corner.wall_rows(side)) * side;
+    assert!(side >= 2 && expected == values.len(), "{} values are not those of a corner", values.len());
     side
 }
 
-/// Between the four receivers around a point of a square.
-fn interpolate(values: &[f32], point: &Point) -> f32 {
+/// Between the four receivers around a point of the floor or of a wall.
+fn interpolate(corner: &Corner, values: &[f32], point: &Point) -> f32 {
     let Point::Square { square, column, row } = *point else { return 0.0 };
-    let receivers = receivers_per_side(values);
-    let (column, row) = (column * (receivers - 1) as f32, row * (receivers - 1) as f32);
-    let last = receivers - 2;
-    let (left, top) = ((column as usize).min(last), (row as usize).min(last));
+    let columns = receivers_per_side(corner, values);
+    let wall_rows = corner.wall_rows(columns);
+    let (rows, first) = if square == 0 { (columns, 0) } else { (wall_rows, columns + (square - 1) * wall_rows) };
+    let (column, row) = (column * (columns - 1) as f32, row * (rows - 1) as f32);
+    let (left, top) = ((column as usize).min(columns - 2), (row as usize).min(rows - 2));
     let (x, y) = (column - left as f32, row - top as f32);
-    let value = |dx: usize, dy: usize| values[(square * receivers + top + dy) * receivers + left + dx];
+    let value = |dx: usize, dy: usize| values[(first + top + dy) * columns + left + dx];
     let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
     mix(mix(value(0, 0), value(1, 0), x), mix(value(0, 1), value(1, 1), x), y)
 }

@@ -25,9 +25,15 @@ impl<'a> Progress<'a> {
         (self.report)((done as f64 / self.total.max(1) as f64).min(1.0), doing);
     }
 
-    /// Bakes, and counts the rays of it.
+    /// Bakes, and counts the rays that were expected of it; a cap grid may take fewer.
     pub(super) fn bake(&self, mesh: &Mesh, settings: &BakeSettings) -> Result<VisibilityField, BakeError> {
         let doing = format!("baking {}: {settings}", mesh.name);
-        bake(mesh, settings, |rays| self.add(rays, &doing))
+        let traced = AtomicU64::new(0);
+        let field = bake(mesh, settings, |rays| {
+            traced.fetch_add(rays, Ordering::Relaxed);
+            self.add(rays, &doing);
+        })?;
+        self.add(settings.rays().saturating_sub(traced.into_inner()), &doing);
+        Ok(field)
     }
 }

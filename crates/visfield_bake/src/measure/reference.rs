@@ -4,16 +4,18 @@ use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use visfield::estimate::Receiver;
+use visfield::field::cap_grid::Falloff;
 use visfield::{QueryOptions, VisibilityField};
 
-use super::ambient::{Errors, shares};
+use super::ambient::{Errors, TRUTH_RAYS, exact_occlusion, shares};
 use super::scene::{MeasureScene, hemisphere_directions};
 use super::speed::{RaySet, median_seconds};
 use crate::exact::ExactScene;
 use crate::mesh::{Mesh, MeshError};
 use crate::triangles::TriangleBvh;
 
-/// What is wrong with the ambient occlusion that a field gives, against the same rays through triangles.
+/// What is wrong with the ambient occlusion that a field gives: a table against the same rays through triangles, a cap grid
+/// against very many.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OcclusionError {
     /// Root of the mean square error over all receivers, × 255.
@@ -22,6 +24,13 @@ pub struct OcclusionError {
     pub mean_abs: f64,
     /// Mean error over the same receivers: above 0, the field is too dark.
     pub bias_signed: f64,
+}
+
+impl OcclusionError {
+    pub(super) fn of(found: &[f32], exact: &[f32]) -> Self {
+        let errors = Errors::of(found, exact);
+        Self { rms_255: errors.rms * 255.0, mean_abs: errors.mean_abs, bias_signed: errors.bias }
+    }
 }
 
 /// Receivers of a scene, and what exact rays find for them.
@@ -42,31 +51,34 @@ impl Reference {
     }
 
     fn trace(&self) -> Vec<f32> {
-        self.mean_of_rays(|direction, _| (direction, 1.0))
+        exact_occlusion(&self.scene, &self.receivers, self.rays, Falloff::None)
+    }
+
+    /// What very many rays find: the integral, all but.
+    pub(super) fn truth(&self) -> Vec<f32> {
+        exact_occlusion(&self.scene, &self.receivers, TRUTH_RAYS, Falloff::None)
     }
 
     /// The same occlusion by as many rays that are uniform over the hemisphere, weighted by their cosine.
     pub(super) fn trace_uniform(&self) -> Vec<f32> {
-        self.mean_of_rays(|direction, normal| {
-            // Of cosine-distributed directions the square of the cosine is uniform.
-            let cosine = direction.dot(normal);
-            let tangent = (direction - normal * cosine).normalize_or_zero();
-            let height = cosine * cosine;
-            (normal * height + tangent * (1.0 - height * height).sqrt(), 2.0 * height)
-        })
-    }
-
-    /// The mean weight of rays that hit, over all rays of a receiver. `change` gives the direction and weight of a ray.
-    fn mean_of_rays(&self, change: impl Fn(Vec3, Vec3) -> (Vec3, f32) + Sync) -> Vec<f32> {
         let share = |(index, receiver): (usize, &Receiver)| {
             let start = self.scene.start(receiver);
             let weight = |&direction: &Vec3| {
-                let (direction, weight) = change(direction, receiver.normal);
-                if self.triangles().occluded(start, direction, 0.0, f32::INFINITY) { weight } else { 0.0 }
+                // Of cosine-distributed directions the square of the cosine is uniform.
+                let cosine = direction.dot(receiver.normal);
+                let tangent = (direction - receiver.normal * cosine).normalize_or_zero();
+                let height = cosine * cosine;
+                let direction = receiver.normal * height + tangent * (1.0 - height * height).sqrt();
+                let hit = self.triangles().occluded(start, direction, 0.0, f32::INFINITY);
+                if hit { 2.0 * height } else { 0.0 }
             };
             hemisphere_directions(receiver, index, self.rays).iter().map(weight).sum::<f32>() / self.rays as f32
         };
         self.receivers.par_iter().enumerate().map(share).collect()
+    }
+
+    pub(super) fn receivers(&self) -> &[Receiver] {
+        &self.receivers
     }
 
     pub(super) fn triangles(&self) -> &TriangleBvh {
@@ -91,8 +103,7 @@ impl Reference {
     }
 
     pub(super) fn error(&self, found: &[f32]) -> OcclusionError {
-        let errors = Errors::of(found, &self.exact);
-        OcclusionError { rms_255: errors.rms * 255.0, mean_abs: errors.mean_abs, bias_signed: errors.bias }
+        OcclusionError::of(found, &self.exact)
     }
 
     /// Median seconds of one thread for all rays through the field.

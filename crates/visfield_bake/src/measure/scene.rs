@@ -59,17 +59,20 @@ impl MeasureScene {
     /// [`MeshError`] if the mesh cannot be baked.
     pub fn receivers_by(self, mesh: &Mesh, side: usize) -> Result<Vec<Receiver>, MeshError> {
         match self {
-            Self::Corner => corner(mesh, side.max(2)),
+            Self::Corner => Ok(Corner::around(mesh)?.receivers(side.max(2))),
             Self::OwnSurface => own_surface(mesh, side.max(2)),
         }
     }
 }
 
-/// Where the corner's three squares meet, and how long their sides are.
+/// Where the corner's floor and walls meet, and how large they are.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Corner {
     pub(super) origin: DVec3,
+    /// Length of the floor's sides.
     pub(super) side: f64,
+    /// Height of the walls in lengths of these sides; 1 makes squares of all three.
+    pub(super) height: f64,
 }
 
 impl Corner {
@@ -79,24 +82,31 @@ impl Corner {
         let radius = bounds.mesh_from_field().matrix3.x_axis.x;
         let lowest = mesh.solid_triangles()?.as_flattened().iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
         let origin = DVec3::new(center.x - WALL_DISTANCE * radius, lowest, center.z - WALL_DISTANCE * radius);
-        Ok(Self { origin, side: CORNER_SIZE * radius })
+        Ok(Self { origin, side: CORNER_SIZE * radius, height: 1.0 })
     }
-}
 
-fn corner(mesh: &Mesh, side: usize) -> Result<Vec<Receiver>, MeshError> {
-    let Corner { origin, side: length } = Corner::around(mesh)?;
-    let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z];
-    let mut receivers = Vec::with_capacity(3 * side * side);
-    for (across, along, normal) in [(x, z, y), (x, y, z), (z, y, x)] {
-        for row in 0..side {
-            for column in 0..side {
-                let at = |i: usize| i as f64 / (side - 1) as f64 * length;
-                let position = origin + across * at(column) + along * at(row);
-                receivers.push(Receiver { position, normal: normal.as_vec3() });
+    /// Rows of receivers on each wall, at least 2, for so many on the floor.
+    pub(super) fn wall_rows(&self, side: usize) -> usize {
+        ((side as f64 * self.height).round() as usize).max(2)
+    }
+
+    /// Row by row of the floor, `side` × `side`, then of the wall in −z and of the wall in −x, with as many in a row.
+    pub(super) fn receivers(&self, side: usize) -> Vec<Receiver> {
+        let [x, y, z] = [DVec3::X, DVec3::Y, DVec3::Z];
+        let wall = (self.wall_rows(side), self.side * self.height);
+        let mut receivers = Vec::with_capacity((side + 2 * wall.0) * side);
+        for (across, along, normal, (rows, length)) in [(x, z, y, (side, self.side)), (x, y, z, wall), (z, y, x, wall)]
+        {
+            let at = |i: usize, count: usize, length: f64| i as f64 / (count - 1) as f64 * length;
+            for row in 0..rows {
+                for column in 0..side {
+                    let position = self.origin + across * at(column, side, self.side) + along * at(row, rows, length);
+                    receivers.push(Receiver { position, normal: normal.as_vec3() });
+                }
             }
         }
+        receivers
     }
-    Ok(receivers)
 }
 
 fn own_surface(mesh: &Mesh, side: usize) -> Result<Vec<Receiver>, MeshError> {

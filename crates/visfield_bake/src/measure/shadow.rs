@@ -10,7 +10,7 @@ use visfield::estimate::Receiver;
 use visfield::estimate::sampling::{DiscBasis, disc_samples};
 use visfield::{QueryOptions, VisibilityField};
 
-use super::ambient::{AmbientSpeed, TRUTH_RAYS, aim_name, bounds_name, shares};
+use super::ambient::{AmbientSpeed, Names, TRUTH_RAYS, shares};
 use super::scene::{MeasureScene, pattern_turn};
 use super::speed::RaySet;
 use crate::bake::{BakeError, BakeSettings, bake, table_of};
@@ -178,19 +178,20 @@ pub fn measure_shadow_of(
         .collect();
 
     let header = field.header();
+    let names = Names::of_table(table, &header.bounds, question.options.aim);
     let against_same = ShadowErrors::of(&found, &exact);
     let exact_against_truth = ShadowErrors::of(&exact, &truth);
     Ok(ShadowMeasurement {
         mesh: mesh.name.clone(),
         triangles: header.triangles,
         scene: question.scene,
-        representation: table.representation().name().to_owned(),
-        size: table.representation().to_string(),
-        encoding: table.encoding().name().to_owned(),
-        bounds: bounds_name(&header.bounds).to_owned(),
-        aim: aim_name(question.options.aim).to_owned(),
+        representation: names.representation,
+        size: names.size,
+        encoding: names.encoding,
+        bounds: names.bounds,
+        aim: names.aim,
         angular_radius: question.angular_radius,
-        field_bytes: table.format().bytes(),
+        field_bytes: names.bytes,
         bake_seconds: 0.0,
         bake_rays_per_second: 0.0,
         receivers: receivers.len(),

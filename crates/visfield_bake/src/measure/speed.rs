@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use glam::{DAffine3, DVec3, Vec3};
 use visfield::estimate::Receiver;
 use visfield::scene::Placement;
-use visfield::{ChordTable, QueryOptions, Ray, VisibilityField};
+use visfield::{QueryOptions, Ray, VisibilityField};
 
 use crate::triangles::{PreparedRay, TriangleBvh};
 
@@ -73,19 +73,24 @@ impl RaySet {
 
     /// Answers of the field.
     pub(super) fn field_answers(&self, field: &VisibilityField) -> Vec<bool> {
-        let mut occluded = vec![false; self.field.len()];
+        let mut occluded = self.unanswered();
         self.ask_field(field, &mut occluded);
         occluded
     }
 
     /// Answers of the triangles.
     pub(super) fn exact_answers(&self, triangles: &TriangleBvh) -> Vec<bool> {
-        let mut occluded = vec![false; self.exact.len()];
+        let mut occluded = self.unanswered();
         self.ask_triangles(triangles, &mut occluded);
         occluded
     }
 
-    fn ask_field(&self, field: &VisibilityField, occluded: &mut [bool]) {
+    /// Room for the answers to all rays.
+    pub(super) fn unanswered(&self) -> Vec<bool> {
+        vec![false; self.field.len()]
+    }
+
+    pub(super) fn ask_field(&self, field: &VisibilityField, occluded: &mut [bool]) {
         // Receivers with one normal make one batch.
         for alike in self.receivers.chunk_by(|(_, a), (_, b)| a == b) {
             let range = alike[0].0.start..alike[alike.len() - 1].0.end;
@@ -93,7 +98,7 @@ impl RaySet {
         }
     }
 
-    fn ask_triangles(&self, triangles: &TriangleBvh, occluded: &mut [bool]) {
+    pub(super) fn ask_triangles(&self, triangles: &TriangleBvh, occluded: &mut [bool]) {
         for (occluded, ray) in occluded.iter_mut().zip(&self.exact) {
             *occluded = triangles.occluded_prepared(ray);
         }
@@ -101,13 +106,10 @@ impl RaySet {
 
     /// Median seconds of one thread for all rays: through the field, and through the triangles.
     pub(super) fn race(&self, field: &VisibilityField, triangles: &TriangleBvh) -> (f64, f64) {
-        let mut occluded = vec![false; self.field.len()];
-        let (mut by_field, mut by_triangles) = (Vec::new(), Vec::new());
-        for _ in 0..REPEATS {
-            by_field.push(seconds(|| self.ask_field(field, black_box(&mut occluded))));
-            by_triangles.push(seconds(|| self.ask_triangles(triangles, black_box(&mut occluded))));
-        }
-        (median(by_field), median(by_triangles))
+        let [mut by_field, mut by_triangles] = [self.unanswered(), self.unanswered()];
+        let mut ask_field = || self.ask_field(field, black_box(&mut by_field));
+        let mut ask_triangles = || self.ask_triangles(triangles, black_box(&mut by_triangles));
+        race([&mut ask_field, &mut ask_triangles]).into()
     }
 }
 
@@ -139,10 +141,9 @@ impl AskedField {
     }
 }
 
-/// Random bytes of the table per second: what lookups with nothing to compute and no coherence would do.
-pub(super) fn gather_limit(table: &ChordTable) -> f64 {
-    let bytes = table.bytes();
-    // A multiplicative generator over the whole table; which one does not matter as long as nobody can predict it.
+/// Random ones of a field's bytes per second: what lookups with nothing to compute and no coherence would do.
+pub(super) fn gather_limit(bytes: &[u8]) -> f64 {
+    // A multiplicative generator over all of them; which one does not matter as long as nobody can predict it.
     let mut state = 0x9E37_79B9_7F4A_7C15_u64;
     let positions: Vec<u32> = (0..1 << 20)
         .map(|_| {
@@ -154,6 +155,17 @@ pub(super) fn gather_limit(table: &ChordTable) -> f64 {
     positions.len() as f64 / median_seconds(gather)
 }
 
+/// Median [`seconds`] of each work, in turn: what slows the machine down for a while slows all of them down.
+pub(super) fn race<const N: usize>(mut works: [&mut dyn FnMut(); N]) -> [f64; N] {
+    let mut times = [const { Vec::new() }; N];
+    for _ in 0..REPEATS {
+        for (work, times) in works.iter_mut().zip(&mut times) {
+            times.push(seconds(work));
+        }
+    }
+    times.map(median)
+}
+
 /// Median [`seconds`] of some work by itself.
 pub(super) fn median_seconds<T>(mut work: impl FnMut() -> T) -> f64 {
     median((0..REPEATS).map(|_| seconds(&mut work)).collect())
@@ -161,7 +173,7 @@ pub(super) fn median_seconds<T>(mut work: impl FnMut() -> T) -> f64 {
 
 /// Seconds that some work takes, on average of as many runs as fill a while: what runs for a millisecond would otherwise
 /// mostly measure what ran before it.
-fn seconds<T>(mut work: impl FnMut() -> T) -> f64 {
+pub(super) fn seconds<T>(mut work: impl FnMut() -> T) -> f64 {
     let start = Instant::now();
     for runs in 1.. {
         black_box(work());

@@ -3,13 +3,16 @@
 use serde::{Deserialize, Serialize};
 use visfield::field::directions::DirectionMap;
 use visfield::field::lookup::Aim;
-use visfield::{Encoding, QueryOptions, Representation, TableFormat, VisibilityField};
+use visfield::{
+    CapGrid, CapGridFormat, ChordTable, Encoding, QueryOptions, Representation, TableFormat, VisibilityField,
+};
 
-use super::ambient::{aim_name, bounds_name};
+use super::ambient::Names;
+use super::caps::OneObject;
 use super::progress::Progress;
 use super::reference::{OcclusionError, Reference};
 use super::scene::MeasureScene;
-use super::speed::RaySet;
+use super::speed::{RaySet, median_seconds};
 use super::table::{Cells, bytes, count, seconds};
 use crate::bake::{BakeError, BakeSettings, table_of};
 use crate::bounds::BoundsKind;
@@ -27,6 +30,8 @@ pub struct Sweep {
     pub representations: Vec<Representation>,
     /// How tables are encoded.
     pub encodings: Vec<Encoding>,
+    /// Cap grids, which send no rays.
+    pub cap_grids: Vec<CapGridFormat>,
     /// What surrounds the mesh.
     pub bounds: Vec<BoundsKind>,
     /// Rays per receiver.
@@ -34,13 +39,14 @@ pub struct Sweep {
 }
 
 impl Default for Sweep {
-    /// Tables from 74 kB to 17 MB in bytes, in all encodings and bounds.
+    /// Tables from 74 kB to 17 MB in bytes, in all encodings and bounds, and cap grids from 2 to 131 kB.
     fn default() -> Self {
         let two_point = [(17, 16), (17, 32), (33, 32), (33, 64), (65, 32), (65, 64)];
         let hemisphere = [(290, 16), (290, 32), (1090, 32), (1090, 64), (4226, 32), (4226, 64)];
         Self {
             representations: two_point.map(two_point_of).into_iter().chain(hemisphere.map(hemisphere_of)).collect(),
             encodings: Encoding::ALL.to_vec(),
+            cap_grids: [8, 16, 24, 32].map(cap_grid_of).to_vec(),
             bounds: vec![BoundsKind::Sphere, BoundsKind::Ellipsoid],
             rays: 256,
         }
@@ -48,11 +54,12 @@ impl Default for Sweep {
 }
 
 impl Sweep {
-    /// A few small tables.
+    /// A few small tables and a small cap grid.
     pub fn quick() -> Self {
         Self {
             representations: vec![two_point_of((17, 16)), two_point_of((33, 16)), hemisphere_of((290, 16))],
             encodings: vec![Encoding::Bit, Encoding::U8],
+            cap_grids: vec![cap_grid_of(8)],
             rays: 64,
             ..Self::default()
         }
@@ -65,6 +72,10 @@ fn two_point_of((entries, exits): (u32, u32)) -> Representation {
 
 fn hemisphere_of((positions, directions): (u32, u32)) -> Representation {
     Representation::Hemisphere { positions, directions, map: DirectionMap::Concentric }
+}
+
+fn cap_grid_of(points: u32) -> CapGridFormat {
+    CapGridFormat { points, ..CapGridFormat::DEFAULT }
 }
 
 /// What was found.
@@ -82,30 +93,36 @@ pub struct Tradeoff {
     pub points: Vec<TradeoffPoint>,
 }
 
-/// One field, and one way to ask it.
+/// One field, and one way to ask it. Errors of a cap grid, which sends no rays, are all against the truth; those of a table are
+/// against the same rays, but for [`mean_abs_truth`](Self::mean_abs_truth).
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TradeoffPoint {
-    /// `two-point` or `hemisphere`.
+    /// `two-point`, `hemisphere` or `cap-grid`.
     pub representation: String,
-    /// The numbers of the representation, as 65² × 32².
+    /// The numbers of the representation, as 65² × 32² or 16³.
     pub size: String,
-    /// How the table is encoded.
-    pub encoding: Encoding,
-    /// `sphere` or `ellipsoid`.
+    /// How it is encoded: a table as `bit`, `u8`, `u16` or `f32`, a cap grid as `rgba8`.
+    pub encoding: String,
+    /// `sphere` or `ellipsoid`; `box` for a cap grid.
     pub bounds: String,
-    /// `point` or `plain`.
+    /// `point` or `plain`; `none` for a cap grid.
     pub aim: String,
-    /// Size of the table in memory.
+    /// Size in memory.
     pub field_bytes: u64,
-    /// Seconds of one thread for all rays of the corner.
+    /// Seconds of one thread for all rays of the corner, or for all its receivers if there are no rays.
     pub field_seconds: f64,
-    /// The same as rays per second, those included that pass the bounds by.
-    pub rays_per_second: f64,
+    /// The same as rays per second, those included that pass the bounds by; nothing for a cap grid.
+    pub rays_per_second: Option<f64>,
     /// Error in the corner.
     pub corner: OcclusionError,
+    /// Mean absolute error in the corner against [`TRUTH_RAYS`](super::ambient::TRUTH_RAYS) exact rays per receiver: what the
+    /// number of rays costs is charged to those who send them.
+    pub mean_abs_truth: f64,
     /// Error on the mesh's own surface; bits, which know no distances, have none.
     pub own_surface: Option<OcclusionError>,
-    /// Whether no other point is at least as good in error (in the corner), size and time, and better in one.
+    /// Whether no other point is at least as good in error (in the corner), size and time, and better in one. Tables are compared
+    /// by their errors against the same rays, and all else by errors against the truth. A cap grid never beats a table: it does
+    /// not answer rays, which shadows and the mesh's own surface need.
     pub pareto: bool,
 }
 
@@ -113,14 +130,24 @@ pub struct TradeoffPoint {
 const TIME_TOLERANCE: f64 = 1.05;
 
 impl TradeoffPoint {
-    /// What a table's curves are told apart by: its representation, and how it is asked.
+    /// What curves are told apart by: the representation, and how it is asked.
     pub fn family(&self) -> String {
-        let aim = if self.aim == "point" { "aimed" } else { &self.aim };
-        format!("{}, {aim}", self.representation)
+        let how = match self.aim.as_str() {
+            "point" => "aimed",
+            "none" => "no rays",
+            other => other,
+        };
+        format!("{}, {how}", self.representation)
     }
 
     fn beats(&self, other: &Self) -> bool {
-        let [mine, others] = [self, other].map(|p| (p.corner.rms_255, p.field_bytes));
+        let answers_rays = |p: &Self| p.rays_per_second.is_some();
+        if answers_rays(other) && !answers_rays(self) {
+            return false;
+        }
+        // Where both send the same rays, only what differs between them counts: the noise of the rays would hide it.
+        let error = |p: &Self| if answers_rays(other) { p.corner.rms_255 } else { p.mean_abs_truth };
+        let [mine, others] = [self, other].map(|p| (error(p), p.field_bytes));
         let no_worse =
             mine.0 <= others.0 && mine.1 <= others.1 && self.field_seconds <= other.field_seconds * TIME_TOLERANCE;
         let better =
@@ -138,7 +165,7 @@ pub fn tradeoff(mesh: &Mesh, sweep: &Sweep, progress: impl Fn(f64, &str) + Sync)
     let mesh_error = |source| BakeError::Mesh { name: mesh.name.clone(), source };
     let corner = Reference::new(mesh, MeasureScene::Corner, sweep.rays).map_err(mesh_error)?;
     let own = Reference::new(mesh, MeasureScene::OwnSurface, sweep.rays).map_err(mesh_error)?;
-    let scenes = Scenes { corner, own };
+    let scenes = Scenes { corner_truth: corner.truth(), own_truth: own.truth(), corner, own };
     let progress = Progress::new(sweep.work(scenes.corner.rays()), &progress);
     let mut points = Vec::new();
     let (mut exact_seconds, mut triangles) = (0.0, 0);
@@ -157,11 +184,16 @@ pub fn tradeoff(mesh: &Mesh, sweep: &Sweep, progress: impl Fn(f64, &str) + Sync)
                 let field = best.clone().with_table(table_of(&best)?.with_encoding(encoding)?);
                 for &aim in aims(representation) {
                     sets.aim(aim);
-                    points.push(scenes.measure(sets, &field, TableFormat { encoding, ..format }, aim));
+                    points.push(scenes.measure(sets, &field, table_of(&field)?, aim));
                     progress.add(work_per_point(scenes.corner.rays()), &format!("asking {representation}"));
                 }
             }
         }
+    }
+    for &format in &sweep.cap_grids {
+        let field = progress.bake(mesh, &BakeSettings::of_cap_grid(format))?;
+        points.extend(field.cap_grid().map(|grid| scenes.measure_caps(&field, grid)));
+        progress.add(work_per_point(scenes.corner.rays()), &format!("asking {format}"));
     }
     mark_pareto(&mut points);
     Ok(Tradeoff { mesh: mesh.name.clone(), triangles, rays: scenes.corner.rays(), exact_seconds, points })
@@ -184,13 +216,18 @@ impl Sweep {
             let chords = TableFormat { representation, encoding: Encoding::F32 }.chords();
             chords + (self.encodings.len() * aims(representation).len()) as u64 * work_per_point(rays)
         };
+        let cap_grid = |&format: &CapGridFormat| BakeSettings::of_cap_grid(format).rays() + work_per_point(rays);
         self.bounds.len() as u64 * self.representations.iter().map(of).sum::<u64>()
+            + self.cap_grids.iter().map(cap_grid).sum::<u64>()
     }
 }
 
 struct Scenes {
     corner: Reference,
     own: Reference,
+    /// What very many rays find, in the corner and on the mesh itself.
+    corner_truth: Vec<f32>,
+    own_truth: Vec<f32>,
 }
 
 /// The rays of both scenes.
@@ -212,20 +249,45 @@ impl Scenes {
         Sets { corner, own }
     }
 
-    fn measure(&self, sets: &Sets, field: &VisibilityField, format: TableFormat, aim: Aim) -> TradeoffPoint {
+    fn measure(&self, sets: &Sets, field: &VisibilityField, table: &ChordTable, aim: Aim) -> TradeoffPoint {
         let field_seconds = Reference::field_seconds(&sets.corner, field);
+        let found = Reference::found(&sets.corner, field);
         TradeoffPoint {
-            representation: format.representation.name().to_owned(),
-            size: format.representation.to_string(),
-            encoding: format.encoding,
-            bounds: bounds_name(&field.header().bounds).to_owned(),
-            aim: aim_name(aim).to_owned(),
-            field_bytes: format.bytes(),
-            field_seconds,
-            rays_per_second: self.corner.rays() as f64 / field_seconds,
-            corner: self.corner.error(&Reference::found(&sets.corner, field)),
-            own_surface: (format.encoding != Encoding::Bit)
+            rays_per_second: Some(self.corner.rays() as f64 / field_seconds),
+            corner: self.corner.error(&found),
+            own_surface: (table.encoding() != Encoding::Bit)
                 .then(|| self.own.error(&Reference::found(&sets.own, field))),
+            ..self.point(Names::of_table(table, &field.header().bounds, aim), field_seconds, &found)
+        }
+    }
+
+    fn measure_caps(&self, field: &VisibilityField, grid: &CapGrid) -> TradeoffPoint {
+        let one_object = OneObject::new(field);
+        let caps = one_object.caps();
+        let own = caps.found(self.own.receivers());
+        let found = caps.found(self.corner.receivers());
+        let field_seconds = median_seconds(|| caps.found(self.corner.receivers()));
+        TradeoffPoint {
+            own_surface: Some(OcclusionError::of(&own, &self.own_truth)),
+            ..self.point(Names::of_cap_grid(grid), field_seconds, &found)
+        }
+    }
+
+    /// With errors against the truth.
+    fn point(&self, names: Names, field_seconds: f64, found: &[f32]) -> TradeoffPoint {
+        let corner = OcclusionError::of(found, &self.corner_truth);
+        TradeoffPoint {
+            representation: names.representation,
+            size: names.size,
+            encoding: names.encoding,
+            bounds: names.bounds,
+            aim: names.aim,
+            field_bytes: names.bytes,
+            field_seconds,
+            rays_per_second: None,
+            corner,
+            mean_abs_truth: corner.mean_abs,
+            own_surface: None,
             pareto: false,
         }
     }
@@ -238,12 +300,17 @@ fn mark_pareto(points: &mut [TradeoffPoint]) {
     }
 }
 
+/// What the columns mean for what sends no rays.
+pub(crate) const FOOTNOTE: &str = "Tables: RMS \u{d7} 255 and own surface against the same rays. Cap grids send none: all their errors are \
+     against 4096 exact rays per receiver, and their time is that of all receivers. Mean error is against those 4096 for all, the noise of \
+     few rays included. By it a table can beat a cap grid; a cap grid beats no table, since shadows and the mesh's own surface need rays.";
+
 impl Tradeoff {
     /// The points from small to large, those on the Pareto front marked.
     pub fn table(&self) -> String {
         format!(
             "{}, {} triangles: {} rays of the corner, one thread; exact rays take {} s.\n{}\n\
-             * nothing else is at least as good in error, size and time, and better in one of them.\n",
+             * nothing else is at least as good in error, size and time, and better in one of them.\n{FOOTNOTE}\n",
             self.mesh,
             count(self.triangles.into()),
             count(self.rays),
@@ -257,12 +324,13 @@ impl Tradeoff {
         let mut points: Vec<&TradeoffPoint> = self.points.iter().filter(|p| p.pareto || !only_front).collect();
         points.sort_by_key(|point| point.field_bytes);
         let mut cells = Cells::new(&[
-            "table",
+            "field",
             "size",
             "encoding",
             "bounds",
             "bytes",
             "RMS \u{d7} 255",
+            "mean error",
             "own surface",
             "AO s",
             "M rays/s",
@@ -272,13 +340,14 @@ impl Tradeoff {
             cells.row([
                 point.family(),
                 point.size.clone(),
-                point.encoding.name().to_owned(),
+                point.encoding.clone(),
                 point.bounds.clone(),
                 bytes(point.field_bytes),
                 format!("{:.2}", point.corner.rms_255),
+                format!("{:.4}", point.mean_abs_truth),
                 point.own_surface.map_or("-".to_owned(), |error| format!("{:.2}", error.rms_255)),
                 seconds(point.field_seconds),
-                format!("{:.1}", point.rays_per_second * 1e-6),
+                point.rays_per_second.map_or("-".to_owned(), |rate| format!("{:.1}", rate * 1e-6)),
                 if point.pareto { "*" } else { "" }.to_owned(),
             ]);
         }
@@ -294,13 +363,14 @@ mod tests {
         TradeoffPoint {
             representation: String::new(),
             size: String::new(),
-            encoding: Encoding::U8,
+            encoding: String::new(),
             bounds: String::new(),
             aim: String::new(),
             field_bytes,
             field_seconds,
-            rays_per_second: 0.0,
+            rays_per_second: Some(1.0),
             corner: OcclusionError { rms_255, mean_abs: 0.0, bias_signed: 0.0 },
+            mean_abs_truth: 0.0,
             own_surface: None,
             pareto: false,
         }
@@ -319,6 +389,23 @@ mod tests {
         mark_pareto(&mut points);
         // The last two pairs differ by less than times can be trusted.
         assert_eq!(points.map(|point| point.pareto), [true, true, false, true, false, true]);
+    }
+
+    #[test]
+    fn a_table_beats_a_cap_grid_by_the_truth_and_never_the_other_way() {
+        let of = |mean_abs_truth, point| TradeoffPoint { mean_abs_truth, ..point };
+        let caps = |mean_abs_truth, point| TradeoffPoint { rays_per_second: None, ..of(mean_abs_truth, point) };
+        let mut points = [
+            of(0.02, point(1.0, 100, 1.0)),
+            of(0.01, point(2.0, 100, 1.0)),
+            caps(0.005, point(0.5, 10, 0.01)),
+            caps(0.015, point(0.5, 100, 1.0)),
+            caps(0.006, point(0.4, 10, 0.01)),
+        ];
+        mark_pareto(&mut points);
+        // The first table beats the second by its rays, the second table beats the second cap grid by the truth, and the first cap
+        // grid beats the third by the truth.
+        assert_eq!(points.map(|point| point.pareto), [true, false, true, false, false]);
     }
 
     #[test]

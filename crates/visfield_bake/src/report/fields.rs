@@ -18,7 +18,7 @@ pub(super) fn ambient(m: &AmbientMeasurement, drawn: Option<&Pictures>) -> Marku
         ("mesh", format!("{}, {} triangles", m.mesh, count(m.triangles.into()))),
         ("field", field(&m.representation, &m.size, &m.encoding, &m.bounds)),
         ("look-ups", m.aim.clone()),
-        ("table", bytes(m.field_bytes)),
+        ("in memory", bytes(m.field_bytes)),
         ("bake", format!("{} s, {}", seconds(m.bake_seconds), mega(m.bake_rays_per_second))),
         ("receivers", format!("{} of the scene {}", count(m.receivers as u64), m.scene)),
         ("rays", rays(m.rays, m.rays_meeting_bounds, m.occluded_fraction)),
@@ -37,7 +37,7 @@ pub(super) fn shadow(m: &ShadowMeasurement, drawn: Option<&Pictures>) -> Markup 
         ("light", format!("angular radius {:.4} rad", m.angular_radius)),
         ("field", field(&m.representation, &m.size, &m.encoding, &m.bounds)),
         ("look-ups", m.aim.clone()),
-        ("table", bytes(m.field_bytes)),
+        ("in memory", bytes(m.field_bytes)),
         ("bake", format!("{} s, {}", seconds(m.bake_seconds), mega(m.bake_rays_per_second))),
         (
             "receivers",
@@ -85,27 +85,40 @@ fn rays(all: u64, meeting: u64, occluded: f64) -> String {
 
 fn speed(speed: Option<&AmbientSpeed>) -> Quantities {
     let Some(speed) = speed else { return Vec::new() };
-    vec![
-        (
-            "all rays",
-            format!(
-                "field {} s, triangles {} s: {:.1}\u{d7} faster",
-                seconds(speed.field_seconds),
-                seconds(speed.bvh_seconds),
-                speed.speedup
+    let (field, triangles) = (mega(speed.lookups_per_second), mega(speed.bvh_rays_per_second));
+    let times = format!(
+        "field {} s, triangles {} s: {:.1}\u{d7} faster",
+        seconds(speed.field_seconds),
+        seconds(speed.bvh_seconds),
+        speed.speedup
+    );
+    let meeting = speed.speedup_meeting_bounds;
+    let random = ("random bytes of the field", mega(speed.gather_limit_lookups_per_second));
+    match speed.caps {
+        None => vec![
+            ("all rays", times),
+            ("rays that meet the bounds", format!("field {field}, triangles {triangles}: {meeting:.1}\u{d7} faster")),
+            random,
+        ],
+        Some(caps) => vec![
+            (
+                "a receiver and object",
+                format!(
+                    "{:.1} ns; 64 rays through a 65\u{b2} \u{d7} 32\u{b2} table {:.0} ns: {:.1}\u{d7} as much",
+                    caps.nanoseconds_per_receiver_and_object,
+                    caps.table_nanoseconds_per_receiver,
+                    caps.ratio()
+                ),
             ),
-        ),
-        (
-            "rays that meet the bounds",
-            format!(
-                "field {}, triangles {}: {:.1}\u{d7} faster",
-                mega(speed.lookups_per_second),
-                mega(speed.bvh_rays_per_second),
-                speed.speedup_meeting_bounds
+            ("all receivers", times),
+            ("receivers", field),
+            (
+                "rays that meet the bounds",
+                format!("triangles {triangles}: {meeting:.1}\u{d7} the time of all receivers"),
             ),
-        ),
-        ("random bytes of the table", mega(speed.gather_limit_lookups_per_second)),
-    ]
+            random,
+        ],
+    }
 }
 
 fn errors([rms, mean, max, bias, truth, exact]: [f64; 6]) -> Quantities {
@@ -128,6 +141,7 @@ struct Compared<'a> {
     field_bytes: u64,
     rms_255: f64,
     mean_abs: f64,
+    mean_abs_truth: f64,
     speed: Option<AmbientSpeed>,
 }
 
@@ -143,6 +157,7 @@ impl<'a> Compared<'a> {
                 field_bytes: m.field_bytes,
                 rms_255: m.rms_255,
                 mean_abs: m.mean_abs,
+                mean_abs_truth: m.mean_abs_truth,
                 speed: m.speed,
             }),
             MeasurementDocument::Shadow { measurement: m, .. } => Some(Self {
@@ -154,9 +169,10 @@ impl<'a> Compared<'a> {
                 field_bytes: m.field_bytes,
                 rms_255: m.rms_255,
                 mean_abs: m.mean_abs,
+                mean_abs_truth: m.mean_abs_truth,
                 speed: m.speed,
             }),
-            MeasurementDocument::Paper2008(_) | MeasurementDocument::Tradeoff(_) => None,
+            MeasurementDocument::Paper2008(_) | MeasurementDocument::Tradeoff(_) | MeasurementDocument::Many(_) => None,
         }
     }
 }
@@ -173,13 +189,18 @@ pub(super) fn comparison(entries: &[ReportEntry]) -> Markup {
         "bytes",
         "RMS \u{d7} 255",
         "mean error",
+        "against the truth",
         "field s",
         "triangles s",
     ]);
-    let (mut ambient, mut shadow) = (Vec::new(), Vec::new());
+    let (mut ambient, mut caps, mut shadow) = (Vec::new(), Vec::new(), Vec::new());
     for entry in entries {
         let Some(row) = Compared::of(&entry.document) else { continue };
-        let points = if row.angular_radius.is_some() { &mut shadow } else { &mut ambient };
+        let points = match row.angular_radius {
+            Some(_) => &mut shadow,
+            None if row.aim == "none" => &mut caps,
+            None => &mut ambient,
+        };
         points.push((row.field_bytes as f64, row.rms_255));
         let time = |time: fn(&AmbientSpeed) -> f64| seconds(row.speed.as_ref().map_or(f64::NAN, time));
         cells.row([
@@ -192,14 +213,19 @@ pub(super) fn comparison(entries: &[ReportEntry]) -> Markup {
             bytes(row.field_bytes),
             format!("{:.2}", row.rms_255),
             format!("{:.4}", row.mean_abs),
+            format!("{:.4}", row.mean_abs_truth),
             time(|s| s.field_seconds),
             time(|s| s.bvh_seconds),
         ]);
     }
     let dots = |name: &str, color, points| Series { name: name.to_owned(), color, mark: Mark::Dots, points };
-    let series = vec![dots("ambient occlusion", 0, ambient), dots("soft shadow", 1, shadow)];
+    let series = vec![
+        dots("ambient occlusion by rays", 0, ambient),
+        dots("ambient occlusion by cap grids, against 4096 rays", 2, caps),
+        dots("soft shadow", 1, shadow),
+    ];
     let series = series.into_iter().filter(|series| !series.points.is_empty()).collect();
-    let plot = Plot { x: "table in bytes", y: "RMS \u{d7} 255", series };
+    let plot = Plot { x: "bytes", y: "RMS \u{d7} 255", series };
     html! {
         @if cells.rows.len() > 1 {
             section {

@@ -1,18 +1,19 @@
-//! Many fields: the figures of the 2008 paper, and the trade-off of accuracy against size and time.
+//! Many fields: the figures of the 2008 paper, the trade-off of accuracy against size and time, and several objects at once.
 
 use maud::{Markup, html};
 
 use super::plot::{Mark, Plot, Series};
 use super::{pictures, table};
+use crate::measure::many::Many;
 use crate::measure::paper2008::published::{FIGURE6, FIGURE8, PublishedCell};
 use crate::measure::paper2008::{Finding, Model, Paper2008, TableSize};
 use crate::measure::table::count;
-use crate::measure::tradeoff::{Tradeoff, TradeoffPoint};
+use crate::measure::tradeoff::{FOOTNOTE, Tradeoff, TradeoffPoint};
 
 pub(super) fn tradeoff(tradeoff: &Tradeoff) -> Markup {
     let front: Vec<&TradeoffPoint> = tradeoff.points.iter().filter(|point| point.pareto).collect();
-    let against = |x: fn(&TradeoffPoint) -> f64| {
-        let place = |point: &&TradeoffPoint| (x(point), point.corner.rms_255);
+    let against = |x: fn(&TradeoffPoint) -> f64, y: fn(&TradeoffPoint) -> f64| {
+        let place = |point: &&TradeoffPoint| (x(point), y(point));
         let mut families: Vec<String> = tradeoff.points.iter().map(TradeoffPoint::family).collect();
         families.sort_unstable();
         families.dedup();
@@ -28,23 +29,40 @@ pub(super) fn tradeoff(tradeoff: &Tradeoff) -> Markup {
         series.push(Series { name: "Pareto front".to_owned(), color: 4, mark: Mark::Rings, points });
         series
     };
-    let by_bytes = Plot { x: "table in bytes", y: "RMS \u{d7} 255", series: against(|p| p.field_bytes as f64) };
-    let by_time = Plot { x: "seconds for all rays", y: "RMS \u{d7} 255", series: against(|p| p.field_seconds) };
+    let rms = |point: &TradeoffPoint| point.corner.rms_255;
+    let by_bytes = Plot { x: "bytes", y: "RMS \u{d7} 255", series: against(|p| p.field_bytes as f64, rms) };
+    let by_time =
+        Plot { x: "seconds for all receivers", y: "RMS \u{d7} 255", series: against(|p| p.field_seconds, rms) };
+    let noise_included = Plot {
+        x: "seconds for all receivers",
+        y: "mean absolute error",
+        series: against(|p| p.field_seconds, |p| p.mean_abs_truth),
+    };
     html! {
         p {
             (tradeoff.points.len()) " ways to answer the " (count(tradeoff.rays)) " rays of the paper's corner around a mesh of "
             (count(tradeoff.triangles.into())) " triangles; exact rays take " (format!("{:.3}", tradeoff.exact_seconds)) " s. On the Pareto front "
-            "is what nothing else beats: no other point is at least as good in error, size and time, and better in one of them. Bits know no distances, and serve \
+            "is what nothing else beats: no other point that answers as much is at least as good in error, size and time, and better in one of them. Bits know no distances, and serve \
              receivers away from the mesh only."
         }
+        p { (FOOTNOTE) }
         (by_bytes.figure("Error against size: lower and further left is better"))
         (by_time.figure("Error against time: lower and further left is better"))
+        (noise_included.figure("Error against time, the noise of the rays included: lower and further left is better"))
         h3 { "The Pareto front" }
         (table(&tradeoff.cells(true)))
         details {
             summary { "All " (tradeoff.points.len()) " points" }
             (table(&tradeoff.cells(false)))
         }
+    }
+}
+
+pub(super) fn many(many: &Many) -> Markup {
+    html! {
+        p { (many.summary()) }
+        (table(&many.cells()))
+        @if let Some(drawn) = &many.pictures { (pictures(drawn, Many::SHOWN, true)) }
     }
 }
 

@@ -4,6 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
+use visfield::{CapGridFormat, file};
+use visfield_bake::measure::{MeasureScene, ShadowQuestion, measure_shadow_of};
 use visfield_bake::read::{GltfError, ObjError};
 use visfield_bake::{BakeError, BakeSettings, Mesh, MeshError, ReadError, bake, read_meshes};
 
@@ -223,6 +225,19 @@ fn meshes_that_cannot_be_baked() {
     out_of_range[36] = 3;
     let meshes = folder.read("a.glb", &glb(&triangle_json(), &out_of_range)).unwrap();
     assert_eq!(meshes[0].validate(), Err(MeshError::IndexOutOfRange { triangle: 0, vertex: 3, vertices: 3 }));
+}
+
+#[test]
+fn a_field_without_a_table_has_none_to_measure() {
+    let folder = Folder::new();
+    let mesh = folder.read("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap().remove(0);
+    let caps = CapGridFormat { points: 4, ..CapGridFormat::default() };
+    let baked = bake(&mesh, &BakeSettings::of_cap_grid(caps), |_| ()).unwrap();
+    file::write(&folder.path("a.vfield"), &[baked]).unwrap();
+    let field = file::read(&folder.path("a.vfield")).unwrap().remove(0);
+    let ask = ShadowQuestion { speed: false, scene: MeasureScene::OwnSurface, ..ShadowQuestion::default() };
+    let error = measure_shadow_of(&mesh, &field, &ask).unwrap_err();
+    assert_eq!(error, BakeError::NoTable { name: "Mesh0/Primitive0".to_owned() });
 }
 
 #[test]

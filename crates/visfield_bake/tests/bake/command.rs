@@ -5,7 +5,8 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 use serde_json::json;
-use visfield::{Representation, file};
+use visfield::field::cap_grid::{CapPrecision, Falloff, HarmonicOrder};
+use visfield::{CapGridFormat, Representation, file};
 
 use super::support::{glb, triangle_bytes, triangle_json};
 
@@ -38,19 +39,98 @@ fn bake_then_inspect() {
     assert!(baked.status.success(), "{}", text(&baked.stderr));
     assert_eq!(text(&baked.stderr), "", "no progress bar in a pipe");
     let report = text(&baked.stdout);
-    for part in ["Mesh0/Primitive0: 4 triangles", "65² × 32² = 4.33 MB", "M rays/s", "shape.vfield: 1 field"] {
+    for part in [
+        "Mesh0/Primitive0: 4 triangles",
+        "65² × 32² = 4.33 MB",
+        "M rays/s",
+        "\n  cap grid 16³ in rgba8 = 16.38 kB, mean error 0.00",
+        " around it, 0.",
+        " inside its box\n",
+        "shape.vfield: 1 field",
+    ] {
         assert!(report.contains(part), "{part:?} in {report}");
     }
     let fields = file::read(&folder.join("shape.vfield")).unwrap();
     let table = fields[0].table().unwrap();
     assert_eq!((fields.len(), table.representation()), (1, Representation::TwoPoint { entries: 65, exits: 32 }));
+    let grid = fields[0].cap_grid().unwrap().header();
+    assert_eq!(grid.format, CapGridFormat::default());
+    assert!(grid.error.is_some_and(|error| error.outside > 0.0 && error.outside < 0.01), "{:?}", grid.error);
 
     let inspected = text(&visfield(folder, &["inspect", "shape.vfield"]).stdout);
-    for part in
-        ["format version 3", "Mesh0/Primitive0", "65² entries × 32² exits", "u8", "4,326,400 bytes", "radius 1.73"]
+    for part in [
+        "format version 3",
+        // Both parts.
+        "4.34 MB in memory",
+        "Mesh0/Primitive0",
+        "65² entries × 32² exits",
+        "u8",
+        "4,326,400 bytes",
+        "radius 1.73",
+        "16³ points, harmonics of order 1, rgba8, 16,384 bytes",
+        "falloff          none",
+        "inside its box: serves receivers inside it",
+    ] {
+        assert!(inspected.contains(part), "{part:?} in {inspected}");
+    }
+}
+
+#[test]
+fn only_the_parts_that_are_asked_for_are_baked() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("shape.obj"), TETRAHEDRON).unwrap();
+    let small = ["bake", "shape.obj", "--representation"];
+    let baked = |more: &[&str]| {
+        let output = visfield(folder, &[&small, more].concat());
+        assert!(output.status.success(), "{more:?}: {}", text(&output.stderr));
+        (text(&output.stdout), file::read(&folder.join("shape.vfield")).unwrap().remove(0))
+    };
+    let (report, field) = baked(&["two-point", "--entries", "9", "--exits", "8"]);
+    assert!(field.table().is_some() && field.cap_grid().is_none() && !report.contains("cap grid"), "{report}");
+
+    let caps = ["--points", "8", "--order", "3", "--precision", "rgba16f", "--falloff", "exponential=0.5"];
+    let (report, field) = baked(&[&["cap-grid"], &caps[..]].concat());
+    assert!(field.table().is_none() && !report.contains("triangles, table"), "{report}");
+    let format = CapGridFormat {
+        points: 8,
+        order: HarmonicOrder::Three,
+        precision: CapPrecision::F16,
+        falloff: Falloff::Exponential { tau: 0.5 },
+    };
+    assert_eq!(field.cap_grid().unwrap().header().format, format);
+    let inspected = text(&visfield(folder, &["inspect", "shape.vfield"]).stdout);
+    for part in ["16.38 kB in memory", "harmonics of order 3", "rgba16f", "e^(−0.5·distance), distance in mesh units"]
     {
         assert!(inspected.contains(part), "{part:?} in {inspected}");
     }
+    assert!(!inspected.contains("chords"), "{inspected}");
+
+    // Twice the flag, or a list.
+    let (_, field) = baked(&["cap-grid", "--points", "4", "--representation", "hemisphere", "--positions", "50"]);
+    assert!(matches!(field.table().unwrap().representation(), Representation::Hemisphere { positions: 50, .. }));
+    assert_eq!(field.cap_grid().unwrap().header().format.points, 4);
+
+    // A budget is the table's, and the cap grid stands beside it.
+    let (report, field) = baked(&["two-point,cap-grid", "--max-bytes", "20kB", "--points", "4", "--receivers", "far"]);
+    assert!(
+        report.contains("chosen in") && report.contains("\n  cap grid 4³ in rgba8 = 256 B, mean error"),
+        "{report}"
+    );
+    assert!(field.table().unwrap().format().bytes() <= 20_000 && !field.header().measured.is_empty());
+    assert_eq!(field.cap_grid().unwrap().header().format.points, 4);
+}
+
+#[test]
+fn a_grid_that_fails_inside_its_box_is_marked() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("shape.obj"), TETRAHEDRON).unwrap();
+    let report =
+        text(&visfield(folder, &["bake", "shape.obj", "--representation", "cap-grid", "--points", "4"]).stdout);
+    assert!(report.contains("note: the cap grid is wrong inside its box; receivers there get rays"), "{report}");
+    let inspected = text(&visfield(folder, &["inspect", "shape.vfield"]).stdout);
+    assert!(inspected.contains("inside its box: not for receivers inside it"), "{inspected}");
 }
 
 #[test]
@@ -119,6 +199,109 @@ fn a_measurement_tells_all_and_becomes_a_page() {
     assert!(message.contains("no/such/folder.json") && message.contains("folder does not exist"), "{message}");
     assert!(error(folder, &["measure", "ao", "--mesh", "shape.obj", "--json", "shape.obj"]).contains("overwritten"));
     assert!(error(folder, &["report", "ao.json", "-o", "ao.json"]).contains("overwritten"));
+}
+
+#[test]
+fn a_cap_grid_is_measured_against_very_many_rays() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("shape.obj"), TETRAHEDRON).unwrap();
+    let ask = ["measure", "ao", "--mesh", "shape.obj", "--representation"];
+    let measured = |more: &[&str]| {
+        let output = visfield(folder, &[&ask, more, &["--json", "ao.json"]].concat());
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let json: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("ao.json")).unwrap()).unwrap();
+        (text(&output.stdout), json)
+    };
+    let (report, caps) = measured(&["cap-grid", "--points", "8", "--precision", "rgba16f", "--rays", "16"]);
+    for (name, value) in [
+        ("representation", json!("cap-grid")),
+        ("size", json!("8³")),
+        ("encoding", json!("rgba16f")),
+        ("bounds", json!("box")),
+        ("aim", json!("none")),
+        ("field_bytes", json!(8 * 8 * 8 * 8)),
+        ("receivers", json!(3 * 33 * 33)),
+        ("rays", json!(3 * 33 * 33 * 16)),
+    ] {
+        assert_eq!(caps[name], value, "{name}");
+    }
+    let number = |name: &str| caps[name].as_f64().unwrap_or_else(|| panic!("{name} in {caps}"));
+    assert_eq!(number("mean_abs"), number("mean_abs_truth"), "there are no rays to compare with");
+    assert!(number("mean_abs") < 0.02 && number("mean_abs") < number("exact_mean_abs_truth"), "16 rays are noisier");
+    let each = number("nanoseconds_per_receiver_and_object");
+    assert!((each * 1e-9 * number("receivers") / number("field_seconds") - 1.0).abs() < 1e-6);
+    assert!((number("lookups_per_second") * each * 1e-9 - 1.0).abs() < 1e-6);
+    let table = number("table_nanoseconds_per_receiver");
+    let ratio = format!("64 rays through a 65² × 32² table cost {:.1}× as much", table / each);
+    assert!(report.contains(&ratio) && report.contains("against the truth"), "{ratio} in {report}");
+
+    let (report, rays) = measured(&["two-point", "--entries", "9", "--exits", "8", "--rays", "16"]);
+    assert_eq!(rays["encoding"], "u8");
+    let keys = |json: &serde_json::Value| -> Vec<String> { json.as_object().unwrap().keys().cloned().collect() };
+    let mut more = keys(&caps);
+    more.retain(|key| !keys(&rays).contains(key));
+    assert_eq!(more, ["nanoseconds_per_receiver_and_object", "table_nanoseconds_per_receiver"], "else the same keys");
+    assert!(report.contains("against the truth") && rays["mean_abs_truth"].as_f64() > rays["mean_abs"].as_f64());
+
+    // The truth fades as the grid does; without it nearly all would count as an error.
+    let (_, fading) = measured(&["cap-grid", "--points", "8", "--falloff", "exponential=3"]);
+    assert!(fading["mean_abs"].as_f64().unwrap() < 0.03, "{}", fading["mean_abs"]);
+    assert!(fading["occluded_fraction"].as_f64().unwrap() < 0.5 * number("occluded_fraction"));
+
+    let message = error(folder, &["measure", "shadow", "--mesh", "shape.obj", "--representation", "cap-grid"]);
+    assert!(message.contains("shape.obj: there is no table to measure"), "{message}");
+}
+
+#[test]
+fn several_objects_are_measured_by_every_rule() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("a.obj"), TETRAHEDRON).unwrap();
+    fs::write(folder.join("b.obj"), TETRAHEDRON).unwrap();
+    let ask =
+        ["measure", "many", "--meshes", "a.obj,b.obj", "--instances", "3", "--points", "8", "--json", "many.json"];
+    let output = visfield(folder, &ask);
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("many.json")).unwrap()).unwrap();
+    for (name, value) in [
+        ("kind", json!("many")),
+        ("mesh", json!("a.obj, b.obj")),
+        ("instances", json!(3)),
+        ("triangles", json!(12)),
+        ("cap_grid", json!("8³ in rgba8")),
+        ("field_bytes", json!(2048)),
+        ("receivers", json!(48 * 48 + 2 * 12 * 48)),
+    ] {
+        assert_eq!(json[name], value, "{name}");
+    }
+    let rules = json["rules"].as_array().unwrap();
+    let number = |rule: usize, name: &str| rules[rule][name].as_f64().unwrap_or_else(|| panic!("{name} in {json}"));
+    let report = text(&output.stdout);
+    for (index, rule) in [
+        "cap grids, product",
+        "cap grids, soft caps in 8 directions",
+        "cap grids, soft caps in 16 directions",
+        "product of exact occlusions",
+        "64 rays through tables",
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        assert!(rules[index]["rule"] == rule && report.contains(rule), "{rule} in {report}");
+        let [mean, max, rms] = ["mean_abs", "max_abs", "rms_255"].map(|name| number(index, name));
+        assert!(mean > 0.0 && mean < 0.03 && mean <= max && rms > 0.0, "{rule}: {mean}, {max}, {rms}");
+        assert!(number(index, "bias_signed").abs() <= mean);
+        assert!(number(index, "nanoseconds_per_receiver_and_object") > 0.0);
+    }
+    // Very many rays for each object cost thousands of times as much, and 64 have their noise.
+    let time = |rule: usize| number(rule, "nanoseconds_per_receiver_and_object");
+    assert!(time(3) > 100.0 * time(0) && number(4, "mean_abs") > number(3, "mean_abs"));
+
+    assert!(error(folder, &["measure", "many", "--meshes", "a.obj,c.obj"]).contains("c.obj: No such file"));
+    fs::write(folder.join("flat.obj"), "v 0 0 0\nf 1 1 1\n").unwrap();
+    let message = error(folder, &["measure", "many", "--meshes", "a.obj,flat.obj"]);
+    assert!(message.contains("flat.obj: flat.obj: all its triangles have zero area"), "{message}");
 }
 
 #[test]
@@ -226,6 +409,29 @@ fn usage_is_checked_and_explained() {
         let message = text(&output.stderr);
         assert!(message.contains("Usage") || message.contains("1..=512"), "{message}");
     }
+    for (arguments, part) in [
+        (&["--points", "3"][..], "4..=64"),
+        (&["--points", "65"], "4..=64"),
+        (&["--order", "2"], "[possible values: 1, 3]"),
+        (&["--precision", "rgba32f"], "[possible values: rgba8, rgba16f]"),
+        (&["--falloff", "none=1"], "it has to be none, exponential=TAU or linear=DISTANCE"),
+        (&["--falloff", "linear=-1"], "the distance has to be finite and above 0"),
+        (&["--falloff", "exponential=inf"], "the rate per mesh unit has to be finite and above 0"),
+        (&["--falloff", "linear=far"], "the distance \"far\" is not a number"),
+        (&["--representation", "two-point,hemisphere"], "a field holds one table"),
+        (&["--representation", "two-point", "--points", "8"], "--points is for cap grids"),
+        (&["--representation", "cap-grid", "--entries", "8"], "--entries is for tables"),
+        (&["--representation", "cap-grid", "--max-rms", "2"], "--max-rms chooses a two-point table"),
+        (&["--representation", "hemisphere", "--max-bytes", "2MB"], "--max-bytes chooses a two-point table"),
+        (&["--entries", "8", "--max-rms", "2"], "cannot be used with"),
+    ] {
+        let output = visfield(folder.path(), &[&["bake", "a.obj"], arguments].concat());
+        let message = text(&output.stderr);
+        assert!(output.status.code() == Some(2) && message.contains(part), "{arguments:?}: {message}");
+    }
+    let output =
+        visfield(folder.path(), &["measure", "ao", "--mesh", "a.obj", "--representation", "two-point,cap-grid"]);
+    assert_eq!(output.status.code(), Some(2), "one part is measured at a time");
     let help = text(&visfield(folder.path(), &["bake", "--help"]).stdout);
     assert!(["Examples:", "1 to 512", ".vfield", "[default: 65]"].iter().all(|part| help.contains(part)), "{help}");
     let version = text(&visfield(folder.path(), &["--version"]).stdout);

@@ -7,8 +7,9 @@ use std::sync::{LazyLock, Mutex};
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
-use visfield::Encoding;
+use visfield::CapGridFormat;
 use visfield_bake::measure::document::{DocumentError, MeasurementDocument};
+use visfield_bake::measure::many::{Many, ManyQuestion, measure_many};
 use visfield_bake::measure::paper2008::{Paper2008, Paper2008Question, paper2008};
 use visfield_bake::measure::picture::{Pictures, corner_pictures};
 use visfield_bake::measure::tradeoff::{Sweep, Tradeoff, tradeoff};
@@ -56,14 +57,24 @@ static PAPER: LazyLock<Paper2008> = LazyLock::new(|| {
     to_the_end(|progress| paper2008(&tetrahedron(HOSTILE), &others, &question, progress).unwrap())
 });
 
-/// One of each kind.
-static DOCUMENTS: LazyLock<[MeasurementDocument; 4]> = LazyLock::new(|| {
+const SMALL_CAPS: CapGridFormat = CapGridFormat { points: 8, ..CapGridFormat::DEFAULT };
+
+static MANY: LazyLock<Many> = LazyLock::new(|| {
+    let question = ManyQuestion { instances: 2, cap_grid: SMALL_CAPS, side: 8 };
+    to_the_end(|progress| measure_many(&[tetrahedron(HOSTILE)], &question, progress).unwrap())
+});
+
+/// One of each kind, and a cap grid.
+static DOCUMENTS: LazyLock<[MeasurementDocument; 6]> = LazyLock::new(|| {
     let mesh = tetrahedron(HOSTILE);
     let bake = BakeSettings::two_point(9, 8);
     // Few receivers, because each of them costs thousands of rays of truth.
     let scene = MeasureScene::OwnSurface;
     let ambient = AmbientQuestion { bake, scene, rays: 16, speed: false, ..AmbientQuestion::default() };
     let ambient = measure_ambient(&mesh, &ambient).unwrap();
+    let caps = BakeSettings::of_cap_grid(SMALL_CAPS);
+    let caps = AmbientQuestion { bake: caps, scene, rays: 16, speed: true, ..AmbientQuestion::default() };
+    let caps = measure_ambient(&mesh, &caps).unwrap();
     let shadow = ShadowQuestion { bake, scene, rays: 4, speed: true, ..ShadowQuestion::default() };
     let shadow = measure_shadow(&mesh, &shadow).unwrap();
     let pictures = corner_pictures(&mesh, &[0.1; 3 * 33 * 33], &[0.2; 3 * 33 * 33]).unwrap();
@@ -72,6 +83,8 @@ static DOCUMENTS: LazyLock<[MeasurementDocument; 4]> = LazyLock::new(|| {
         MeasurementDocument::Shadow { pictures: None, measurement: Box::new(shadow) },
         MeasurementDocument::Paper2008(Box::new(PAPER.clone())),
         MeasurementDocument::Tradeoff(Box::new(TRADEOFF.clone())),
+        MeasurementDocument::Many(Box::new(MANY.clone())),
+        MeasurementDocument::Ambient { pictures: None, measurement: Box::new(caps) },
     ]
 });
 
@@ -90,7 +103,7 @@ fn rounded(value: serde_json::Value) -> serde_json::Value {
 fn a_document_reads_as_it_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("measured.json");
-    for (document, kind) in DOCUMENTS.iter().zip(["ambient", "shadow", "paper2008", "tradeoff"]) {
+    for (document, kind) in DOCUMENTS.iter().zip(["ambient", "shadow", "paper2008", "tradeoff", "many", "ambient"]) {
         document.write(&path).unwrap();
         let read = MeasurementDocument::read(&path).unwrap();
         assert_eq!(rounded(serde_json::to_value(&read).unwrap()), rounded(serde_json::to_value(document).unwrap()));
@@ -110,19 +123,43 @@ fn a_report_has_every_kind_and_escapes_names() {
     let entry =
         |document: &MeasurementDocument| ReportEntry { file: "<b>.json".to_owned(), document: document.clone() };
     let page = report(&DOCUMENTS.iter().map(entry).collect::<Vec<_>>());
-    for heading in ["Compared", "Ambient occlusion", "Soft shadow", "Figure 5", "Figure 8", "What accuracy costs"] {
+    for heading in [
+        "Compared",
+        "Ambient occlusion",
+        "Soft shadow",
+        "Figure 5",
+        "Figure 8",
+        "What accuracy costs",
+        "Several objects",
+    ] {
         assert!(page.contains(heading), "{heading}");
     }
     let compared = page.split("<h2>").find(|section| section.starts_with("Compared")).unwrap();
     let scene = MeasureScene::OwnSurface;
-    for part in ["ambient", "shadow, 0.0500 rad", &scene.to_string(), "8\u{b2}, u8, sphere", "<td>point</td>"] {
+    for part in [
+        "ambient",
+        "shadow, 0.0500 rad",
+        &scene.to_string(),
+        "8\u{b2}, u8, sphere",
+        "<td>point</td>",
+        "cap-grid 8\u{b3}, rgba8, box",
+    ] {
         assert!(compared.contains(part), "rows cannot be told apart: {part}\n{compared}");
     }
     assert!(!page.contains("<script") && !page.contains("<b>.json"), "names are escaped");
     assert!(page.contains("&lt;script&gt;alert(&quot;1&quot;)"));
-    // Ambient: 3. Figure 5: 3 + 2 + 2 + 2. Figure 7: 3.
-    assert_eq!(page.matches("src=\"data:image/png;base64,").count(), 15);
-    assert_eq!(page.matches("<svg").count(), 6);
+    assert!(
+        page.contains("ambient occlusion by cap grids") && page.contains("cap-grid, no rays"),
+        "series of their own"
+    );
+    let costs = "a receiver and object</td><td>";
+    assert!(page.contains(costs) && page.contains("64 rays through a 65\u{b2} \u{d7} 32\u{b2} table"), "{costs}");
+    for rule in &MANY.rules {
+        assert!(page.contains(&rule.rule), "{}", rule.rule);
+    }
+    // Ambient: 3. Figure 5: 3 + 2 + 2 + 2. Figure 7: 3. Several objects: 3.
+    assert_eq!(page.matches("src=\"data:image/png;base64,").count(), 18);
+    assert_eq!(page.matches("<svg").count(), 7);
     // Without the pictures, in which any letters can follow each other.
     let text: String =
         page.split("base64,").map(|part| part.split_once("\" alt").map_or(part, |(_, rest)| rest)).collect();
@@ -181,18 +218,29 @@ fn the_command_reports_or_says_what_is_wrong_in_one_line() {
 fn a_sweep_marks_what_nothing_beats() {
     let Tradeoff { points, .. } = &*TRADEOFF;
     // Two-point tables are asked in two ways, in two encodings, two bounds.
-    assert_eq!(points.len(), (2 * 2 + 1) * 2 * 2);
+    assert_eq!(points.len(), (2 * 2 + 1) * 2 * 2 + 1);
     let front = |point: &&visfield_bake::measure::tradeoff::TradeoffPoint| point.pareto;
     assert!((1..points.len()).contains(&points.iter().filter(front).count()));
-    let best = points.iter().min_by(|a, b| a.corner.rms_255.total_cmp(&b.corner.rms_255)).unwrap();
-    assert!(points.iter().filter(front).any(|point| point.corner.rms_255 <= best.corner.rms_255));
+    let (caps, tables): (Vec<_>, Vec<_>) = points.iter().partition(|point| point.representation == "cap-grid");
+    let caps = caps[0];
+    let best = tables.iter().min_by(|a, b| a.corner.rms_255.total_cmp(&b.corner.rms_255)).unwrap();
+    assert!(best.pareto, "nothing can beat it, and a cap grid answers no rays");
+    assert!(caps.pareto, "nothing is as small");
+    assert_eq!((caps.size.as_str(), caps.encoding.as_str(), caps.field_bytes), ("8\u{b3}", "rgba8", 2048));
+    assert_eq!((caps.rays_per_second, caps.mean_abs_truth), (None, caps.corner.mean_abs));
+    assert!(caps.own_surface.is_some());
+    for point in tables {
+        assert_eq!(point.own_surface.is_none(), point.encoding == "bit");
+        assert!(point.rays_per_second.unwrap() > 1e4 && point.mean_abs_truth != point.corner.mean_abs);
+    }
     for point in points {
-        assert_eq!(point.own_surface.is_none(), point.encoding == Encoding::Bit);
         assert!(point.corner.rms_255 > 0.0 && point.corner.rms_255 < 30.0, "{point:?}");
-        assert!(point.field_seconds > 0.0 && point.rays_per_second > 1e4);
+        assert!(point.field_seconds > 0.0 && (0.0..0.1).contains(&point.mean_abs_truth));
     }
     let text = TRADEOFF.table();
-    assert!(text.contains("two-point, aimed") && text.contains("hemisphere, plain"), "{text}");
+    for part in ["two-point, aimed", "hemisphere, plain", "cap-grid, no rays", "mean error", "Cap grids send none"] {
+        assert!(text.contains(part), "{part} in {text}");
+    }
 }
 
 #[test]

@@ -253,7 +253,7 @@ fn nonsense_limits_are_usage_errors() {
         ("--exits 32 --max-bytes 1MB", "cannot be used with"),
         ("--max-rms 1 --encoding bit", "cannot be used with"),
         ("--max-rms 1 --bounds sphere", "cannot be used with"),
-        ("--max-rms 1 --representation two-point", "cannot be used with"),
+        ("--max-rms 1 --representation hemisphere", "chooses a two-point table"),
         // And these mean nothing without it.
         ("--for ao", "required"),
         ("--receivers far", "required"),
