@@ -495,7 +495,7 @@ mod tests {
     #[test]
     fn a_field_without_parts_is_an_error() {
         let ball = ball_field(0.5, 3, 3);
-        let entry = IndexEntry { header: ball.header().clone(), table: None };
+        let entry = IndexEntry { header: ball.header().clone(), table: None, cap_grid: None };
         let index = serde_json::to_string(&[entry]).unwrap();
         assert!(!index.contains("table"), "{index}");
         let empty = decode(&forge(&index, &[]));

@@ -2,10 +2,11 @@
 
 use glam::{DAffine3, DVec3, Vec3, dvec3};
 use visfield::VisibilityField;
-use visfield::estimate::{self, AmbientOcclusion, DirectionalShadow, Receiver};
+use visfield::estimate::{self, AmbientOcclusion, DirectionalShadow};
 use visfield::scene::{Instance, Scene};
 use visfield_bake::{BakeSettings, ExactScene, Mesh, bake, exact, read_meshes};
 
+use super::cap_shapes::corner;
 use super::support::{compare, exact_hits, shared_mesh};
 
 fn bake_coarse(mesh: &Mesh) -> VisibilityField {
@@ -45,23 +46,6 @@ fn every_mesh_of_a_helmet_agrees_with_exact_rays() {
         // quarters as many are wrong.
         errors.assert_below(&mesh.name, [0.073, 0.065, 0.037, 0.046]);
     }
-}
-
-/// The corner of the 2008 paper: a floor and two walls, 15 × 15 receivers each, at `distance` radii from the centre.
-fn corner(center: DVec3, radius: f64, distance: f64) -> Vec<Receiver> {
-    let mut receivers = Vec::new();
-    for (normal, u, v) in
-        [(DVec3::Y, DVec3::X, DVec3::Z), (DVec3::X, DVec3::Y, DVec3::Z), (DVec3::Z, DVec3::X, DVec3::Y)]
-    {
-        for i in 0..15 {
-            for j in 0..15 {
-                let along = |k: i32| f64::from(k - 7) / 7.0 * 2.0 * radius;
-                let position = center - normal * distance * radius + u * along(i) + v * along(j);
-                receivers.push(Receiver { position, normal: normal.as_vec3() });
-            }
-        }
-    }
-    receivers
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! What one object hides, as seen from one point: a few spherical harmonics, and the spherical cap that they imply.
 
-use glam::{Vec3, Vec4};
+use glam::{Mat3, Vec3, Vec4};
 
 /// The harmonic of band 0: 1/√4π.
 pub const Y0: f32 = 0.282_094_8;
@@ -64,6 +64,21 @@ impl Cap {
         Vec4::new(Y0 * solid_angle, o1.x, o1.y, o1.z)
     }
 
+    /// The cap as it looks once directions have gone through a linear map, not necessarily of length: turned to where its axis
+    /// goes, and with the tangent of its half-angle as much longer as directions about the axis are spread, in the mean of
+    /// all ways around. Hemispheres stay hemispheres, and similarities change nothing but the axis.
+    #[inline(always)]
+    pub fn mapped(&self, linear: &Mat3) -> Self {
+        let to = *linear * self.axis;
+        let squared = to.dot(to).max(f32::MIN_POSITIVE);
+        let length = squared.sqrt();
+        // By how much a small solid angle around the axis grows.
+        let spread = linear.determinant().abs() / (squared * length);
+        let (cosine_squared, sine_squared) = (self.cosine * self.cosine, 1.0 - self.cosine * self.cosine);
+        let cosine = self.cosine / (cosine_squared + spread * sine_squared).max(f32::MIN_POSITIVE).sqrt();
+        Self { axis: to / length, cosine, opacity: self.opacity }
+    }
+
     /// How far it occludes a soft direction: from 0 well outside to its opacity well inside. `softness` is the cosine of the
     /// angle over which the direction is spread.
     #[inline(always)]
@@ -73,7 +88,9 @@ impl Cap {
         // cos(α ± γ), or the end of the range where the angle leaves it.
         let outer = if cosine < -softness { -1.0 } else { cosine * softness - sine * soft_sine };
         let inner = if cosine > softness { 1.0 } else { cosine * softness + sine * soft_sine };
-        let t = ((self.axis.dot(direction) - outer) / (inner - outer)).clamp(0.0, 1.0);
+        let t = (self.axis.dot(direction) - outer) / (inner - outer);
+        // NaN becomes 0 too.
+        let t = if t > 0.0 { t.min(1.0) } else { 0.0 };
         self.opacity * t * t * (3.0 - 2.0 * t)
     }
 }
@@ -140,6 +157,28 @@ mod tests {
     }
 
     #[test]
+    fn mapped_caps_cover_what_is_mapped() {
+        let turn = Mat3::from_rotation_y(0.7) * Mat3::from_rotation_x(-0.4);
+        let cap = Cap { axis: Vec3::new(0.6, 0.0, 0.8), cosine: 0.7, opacity: 0.5 };
+        let turned = cap.mapped(&(turn * 3.0));
+        assert!((turned.cosine - 0.7).abs() < 1e-6 && (turned.axis - turn * cap.axis).length() < 1e-6);
+        let stretch = Mat3::from_diagonal(Vec3::new(1.0, 2.0, 3.0));
+        for axis in [Vec3::X, Vec3::Y, Vec3::Z, cap.axis] {
+            let small = Cap { axis, cosine: 0.995, opacity: 1.0 };
+            let mapped = small.mapped(&stretch);
+            // Directions of the world, asked where they come from.
+            let directions = crate::estimate::sampling::sphere_samples(200_000);
+            let from = stretch.inverse();
+            let inside = directions.iter().filter(|d| (from * **d).normalize().dot(axis) > small.cosine).count();
+            let share = inside as f32 / directions.len() as f32;
+            let found = 0.5 * (1.0 - mapped.cosine);
+            assert!((found / share - 1.0).abs() < 0.05, "{axis}: {found}, counted {share}");
+            let half = Cap { cosine: 0.0, ..small }.mapped(&stretch);
+            assert!(half.cosine.abs() < 1e-6 && Cap { cosine: -1.0, ..small }.mapped(&stretch).cosine < -0.999);
+        }
+    }
+
+    #[test]
     fn soft_caps_end_where_they_should() {
         for cosine in [-1.0, -0.95, -0.5, 0.0, 0.5, 0.95, 1.0] {
             let cap = Cap { axis: Vec3::Z, cosine, opacity: 0.5 };
@@ -147,6 +186,7 @@ mod tests {
             let along = |x: f32| cap.soft_occlusion(Vec3::new((1.0 - x * x).sqrt(), 0.0, x), softness);
             assert_eq!(along(1.0), 0.5, "the middle of the cap {cosine}");
             assert_eq!(along(-1.0), 0.0, "opposite to the cap {cosine}");
+            assert_eq!(cap.soft_occlusion(Vec3::NAN, softness), 0.0);
             let mut previous = 0.0;
             for i in -50..=50 {
                 let here = along(i as f32 / 50.0);
