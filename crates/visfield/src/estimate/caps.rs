@@ -7,7 +7,7 @@
     reason = "lane by lane through several arrays: that is what becomes vector instructions"
 )]
 
-use glam::{Affine3A, DVec3, Vec3, Vec4};
+use glam::{Affine3A, DVec3, Mat3, Vec3, Vec4};
 use pulp::{Arch, NullaryFnOnce};
 
 use super::sampling::sphere_samples;
@@ -45,7 +45,7 @@ impl Default for CapCombination {
 pub const MAX_DIRECTIONS: usize = 16;
 
 impl CapCombination {
-    /// How many directions are looked along: where objects are stretched, also by [`Product`](Self::Product).
+    /// How many directions are looked along; none of them matters to [`Product`](Self::Product).
     pub fn directions(self) -> usize {
         match self {
             Self::SoftCaps { directions: 12.. } => MAX_DIRECTIONS,
@@ -110,8 +110,9 @@ impl CapAmbient {
 pub struct CapPlacement {
     /// From the world relative to the origin to cap space.
     pub cap_from_world: Affine3A,
-    /// 0 for instances that are turned, moved, mirrored and scaled evenly, for which a grid is exact; up to 1 for those whose
-    /// scale is uneven, which are looked at along a few directions.
+    /// 0 for instances that are turned, moved, mirrored and scaled evenly, which are answered as their mesh is; up to 1 for
+    /// those whose scale is uneven, whose caps are [mapped](Cap::mapped). Scaled 1:2:3, a bunny in a corner
+    /// has a mean error of 0.006, where 0.05 is hidden in the mean.
     pub stretched: f32,
 }
 
@@ -124,6 +125,13 @@ impl CapPlacement {
         let cap_from_world = Placement::new(&grid.header().cap_space(), world_from_mesh, origin)?.field_from_world;
         let stretched = (stretch(cap_from_world.matrix3.into()) / FULLY_STRETCHED).min(1.0);
         Some(Self { cap_from_world, stretched })
+    }
+
+    /// The linear part of the way back, but for its scale.
+    fn world_from_cap(&self) -> Mat3 {
+        let linear = Mat3::from(self.cap_from_world.matrix3);
+        let largest = linear.to_cols_array().into_iter().fold(0.0, |largest: f32, x| largest.max(x.abs()));
+        (linear * largest.recip()).inverse()
     }
 }
 
@@ -280,9 +288,11 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
         }
         let stretched = occluder.cap.stretched;
         if stretched > 0.0 {
-            seen.soften(&map, &directions, &mut soft);
+            let world_from_cap = occluder.cap.world_from_cap();
             for lane in 0..N {
-                occlusion[lane] += (mean(&soft, lane) - occlusion[lane]) * stretched;
+                let cap = seen.cap(lane).mapped(&world_from_cap);
+                let mapped = cap_occlusion(cap.harmonics(), &cap, normals.get(lane));
+                occlusion[lane] += (mapped - occlusion[lane]) * stretched;
             }
         }
         for lane in 0..N {
@@ -297,9 +307,7 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
             open.set(lane, open.get(lane) - towards * occlusion[lane]);
         }
         if SOFT {
-            if stretched <= 0.0 {
-                seen.soften(&map, &directions, &mut soft);
-            }
+            seen.soften(&map, &directions, &mut soft);
             distribute(&mut soft, &occlusion);
             for k in 0..K {
                 for lane in 0..N {
