@@ -567,6 +567,29 @@ mod tests {
     }
 
     #[test]
+    fn bytes_and_halves_agree() {
+        for order in [HarmonicOrder::One, HarmonicOrder::Three] {
+            let [bytes, halves] = [CapPrecision::U8, CapPrecision::F16].map(|precision| {
+                let format = CapGridFormat { order, precision, ..CapGridFormat::DEFAULT };
+                ball(CapGridHeader { format, half_extents: [1.0, 0.8, 0.5], ..CapGridHeader::default() })
+            });
+            assert_eq!(halves.bytes().len(), 2 * bytes.bytes().len());
+            // Half a step of the widest range, twice for rounding on the way.
+            let step = bytes.header().range.iter().fold(0.0, |widest: f32, x| widest.max(*x)) / 255.0;
+            for position in sphere_samples(200).into_iter().zip(0..).map(|(d, i)| d * (0.05 * i as f32)) {
+                let (one, other) = (bytes.all_harmonics(position), halves.all_harmonics(position));
+                let close = one.iter().zip(other).all(|(a, b)| (a - b).abs() <= step);
+                assert!(close, "{position}: {one:?}, {other:?}");
+                for normal in [Vec3::Y, Vec3::NEG_X] {
+                    let difference =
+                        bytes.ambient_occlusion(position, normal) - halves.ambient_occlusion(position, normal);
+                    assert!(difference.abs() < 0.01, "{position}: {difference}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn strange_positions_are_answered() {
         let grid = example_ball();
         for x in [0.0, -0.0, f32::MIN_POSITIVE, 1.0, 5.0, 1e30, f32::MAX, f32::INFINITY, f32::NAN] {
