@@ -553,7 +553,10 @@ mod tests {
         assert!(with("points", 4.into()).is_ok(), "the forger's template itself is sound");
         // A wrong length: the header is sound, and its numbers are not there. 64³ is a mebibyte from a few hundred bytes.
         for points in [5, 64] {
-            assert!(matches!(with("points", points.into()), Err(DecodeError::Part { part: "cap grid", .. })), "{points}");
+            assert!(
+                matches!(with("points", points.into()), Err(DecodeError::Part { part: "cap grid", .. })),
+                "{points}"
+            );
         }
         let field_error = |result| match result {
             Err(DecodeError::Field { source, .. }) => source,

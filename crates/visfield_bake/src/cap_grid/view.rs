@@ -24,7 +24,7 @@ pub(super) struct View {
 
 impl View {
     pub(super) fn scale(&mut self, factor: f32) {
-        self.coefficients.iter_mut().for_each(|x| *x *= factor);
+        self.coefficients = self.coefficients.map(|x| x * factor);
     }
 }
 
@@ -43,7 +43,7 @@ impl Surroundings {
             }
         }
         let per_ray = solid_angle / rays as f32;
-        coefficients.iter_mut().for_each(|x| *x *= per_ray);
+        coefficients = coefficients.map(|x| x * per_ray);
         let enclosed = hit * per_ray > ENCLOSED * WHOLE || self.falloff != Falloff::None;
         View { position, coefficients, inside: enclosed && self.is_inside(position) }
     }

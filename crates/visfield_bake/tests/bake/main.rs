@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod cap_extremes;
+mod cap_lights;
 mod cap_shapes;
 mod closed_forms;
 mod command;

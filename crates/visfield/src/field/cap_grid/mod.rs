@@ -392,13 +392,13 @@ impl CapGrid {
         let mut bytes = Vec::with_capacity(header.format.bytes() as usize);
         for plane in (0..count).step_by(4) {
             for point in scaled {
-                for i in plane..plane + 4 {
+                for (i, &value) in point.iter().enumerate().skip(plane).take(4) {
                     match header.format.precision {
                         CapPrecision::U8 => {
-                            let share = (point[i] - header.low[i]) / header.range[i].max(f32::MIN_POSITIVE);
+                            let share = (value - header.low[i]) / header.range[i].max(f32::MIN_POSITIVE);
                             bytes.push((share * 255.0).round() as u8);
                         }
-                        CapPrecision::F16 => bytes.extend(f16::from_f32(point[i]).to_le_bytes()),
+                        CapPrecision::F16 => bytes.extend(f16::from_f32(value).to_le_bytes()),
                     }
                 }
             }
@@ -454,10 +454,13 @@ impl CapGrid {
     }
 
     /// How much of a round light the mesh hides, in [0, 1]: a disc of the sky around `axis`, a unit vector, with a half-angle in
-    /// radians. What lies behind the light counts, and so does what lies below the receiver's horizon. Good from 15° upwards,
-    /// on a grid of [`HarmonicOrder::Three`].
+    /// radians. What lies behind the light counts, and so does what lies below the receiver's horizon.
+    ///
+    /// For large lights, and grids of [`HarmonicOrder::Three`]: over the receivers in a corner that a bunny or a cow shadows at
+    /// all, the mean error is 0.14 at 10°, 0.09 at 15°, 0.03 at 30° and 0.015 at 45°.
     pub fn light_occlusion(&self, position: Vec3, axis: Vec3, half_angle: f32) -> f32 {
-        harmonics::disc_mean(&self.all_harmonics(position), axis, half_angle).clamp(0.0, 1.0)
+        let known = self.header.format.order.coefficients();
+        cap::light_occlusion(&self.all_harmonics(position)[..known], axis, half_angle)
     }
 
     /// Whether the grid should not be asked at a position: inside a box within which it is known to be wrong.
@@ -487,7 +490,7 @@ impl GridPoint {
     #[inline(always)]
     pub(super) fn new(warps: &[AxisWarp; 3], points: u32, position: Vec3) -> Self {
         // NaN becomes far away too.
-        let within = |x: f32| x.max(-FARTHEST).min(FARTHEST);
+        let within = |x: f32| if x > -FARTHEST { x.min(FARTHEST) } else { -FARTHEST };
         let position = Vec3::new(within(position.x), within(position.y), within(position.z));
         let extent = Vec3::new(warps[0].extent, warps[1].extent, warps[2].extent);
         let beyond = position.abs() / extent;
