@@ -363,6 +363,7 @@ fn take_u32(rest: &mut &[u8], what: &'static str) -> Result<u32, DecodeError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::field::cap_grid::{CapGridFormat, CapPrecision, HarmonicOrder, ball};
     use crate::field::{Representation, ball_field};
 
     fn sample() -> Vec<u8> {
@@ -502,6 +503,90 @@ mod tests {
         assert!(matches!(empty, Err(DecodeError::Field { source: FieldError::Empty, .. })));
         let with_stream = decode(&forge(&index, &compress(ball.table().unwrap().bytes())));
         assert!(matches!(with_stream, Err(DecodeError::TrailingBytes { .. })));
+    }
+
+    /// A field with a cap grid, and a table beside it if asked for.
+    fn with_caps(name: &str, format: CapGridFormat, table: bool) -> VisibilityField {
+        let field = ball_field(1.0, 5, 4);
+        let low_and_range = vec![0.0; format.order.coefficients()];
+        let grid = ball(CapGridHeader {
+            format,
+            low: low_and_range.clone(),
+            range: low_and_range,
+            ..CapGridHeader::default()
+        });
+        let header = FieldHeader { name: name.to_owned(), ..field.header().clone() };
+        let table = field.table().filter(|_| table).cloned();
+        VisibilityField::new(header, FieldParts { table, cap_grid: Some(grid) }).unwrap()
+    }
+
+    #[test]
+    fn cap_grids_round_trip_alone_and_beside_tables() {
+        let mut fields = Vec::new();
+        for order in [HarmonicOrder::One, HarmonicOrder::Three] {
+            for precision in [CapPrecision::U8, CapPrecision::F16] {
+                for table in [false, true] {
+                    let format = CapGridFormat { points: 5, order, precision, ..CapGridFormat::DEFAULT };
+                    fields.push(with_caps(&fields.len().to_string(), format, table));
+                }
+            }
+        }
+        let decoded = decode(&encode(&fields)).unwrap();
+        assert_eq!(decoded, fields);
+        for (index, field) in decoded.iter().enumerate() {
+            assert_eq!((field.table().is_some(), field.cap_grid().is_some()), (index % 2 == 1, true));
+        }
+    }
+
+    #[test]
+    fn forged_cap_grids_allocate_nothing() {
+        let format = CapGridFormat { points: 4, ..CapGridFormat::DEFAULT };
+        let file = encode(&[with_caps("x", format, false)]);
+        let index_bytes = u32::from_le_bytes(file[12..16].try_into().unwrap()) as usize;
+        let (index, stream) = file[PREAMBLE_BYTES..].split_at(index_bytes);
+        let index: serde_json::Value = serde_json::from_slice(index).unwrap();
+        let with = |key: &str, value: serde_json::Value| {
+            let mut forged = index.clone();
+            forged[0]["cap_grid"][key] = value;
+            decode(&forge(&forged.to_string(), stream))
+        };
+        assert!(with("points", 4.into()).is_ok(), "the forger's template itself is sound");
+        // A wrong length: the header is sound, and its numbers are not there. 64³ is a mebibyte from a few hundred bytes.
+        for points in [5, 64] {
+            assert!(
+                matches!(with("points", points.into()), Err(DecodeError::Part { part: "cap grid", .. })),
+                "{points}"
+            );
+        }
+        let field_error = |result| match result {
+            Err(DecodeError::Field { source, .. }) => source,
+            other => panic!("{other:?}"),
+        };
+        for points in [0_u32, 3, 65, 100_000, u32::MAX] {
+            assert_eq!(field_error(with("points", points.into())), FieldError::CapPoints { points });
+        }
+        let numbers = |numbers: &[f64]| serde_json::json!(numbers);
+        for (key, value) in [
+            ("low", numbers(&[0.0; 3])),
+            ("low", numbers(&[0.0; 16])),
+            ("low", numbers(&[])),
+            ("range", numbers(&[1.0; 5])),
+            // Beyond f32, and so infinite.
+            ("low", numbers(&[1e300, 0.0, 0.0, 0.0])),
+            ("half_extents", numbers(&[0.0; 3])),
+            ("half_extents", numbers(&[-1.0, 1.0, 1.0])),
+            ("center", numbers(&[1e300, 0.0, 0.0])),
+            ("order", "three".into()),
+            ("falloff", serde_json::json!({"linear": {"distance": 0.0}})),
+            ("error", serde_json::json!({"outside": 1e300, "inside": 0.0})),
+        ] {
+            assert_eq!(field_error(with(key, value.clone())), FieldError::CapGrid, "{key}: {value}");
+        }
+        // JSON has no NaN.
+        assert!(matches!(with("low", serde_json::json!([null, 0.0, 0.0, 0.0])), Err(DecodeError::Index(_))));
+        assert!(matches!(with("compressed_bytes", u64::MAX.into()), Err(DecodeError::Truncated { .. })));
+        assert!(matches!(with("compressed_bytes", 7.into()), Err(DecodeError::TrailingBytes { .. })));
+        assert!(matches!(with("precision", "u4".into()), Err(DecodeError::Index(_))));
     }
 
     #[test]

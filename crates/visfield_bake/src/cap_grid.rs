@@ -19,18 +19,25 @@ use visfield::{CapGrid, CapGridFormat, FieldError};
 use crate::triangles::TriangleBvh;
 use view::View;
 
-/// Rays per grid point that has to look all around, or at the whole mesh from near.
-const POINT_RAYS: u32 = 1024;
-/// Fewest rays per grid point far from the mesh.
-const FAR_RAYS: u32 = 256;
+/// Rays of a view that has to look all around, or at the whole mesh from near, and the fewest far from the mesh.
+type ViewRays = (u32, u32);
+/// Of a grid point whose value is stored as it is.
+const RAW_RAYS: ViewRays = (1024, 256);
+/// Of what is fitted: many views share a point, and even out each other's noise. More rays for the points alone change
+/// nothing, fewer for the views raise the error.
+const FITTED_RAYS: ViewRays = (256, 64);
 /// From this number of points on, fitting makes no grid better.
 const FITTED_BELOW: u32 = 24;
 
 /// Largest number of rays that a bake traces.
 pub(crate) fn rays(format: &CapGridFormat) -> u64 {
-    let points = u64::from(format.points).pow(3) * u64::from(POINT_RAYS);
-    let fitted = if format.points < FITTED_BELOW { fit::rays(format.points) } else { 0 };
-    points + fitted + error::rays()
+    let (per_point, views) =
+        if is_fitted(format) { (FITTED_RAYS.0, fit::views(format.points)) } else { (RAW_RAYS.0, 0) };
+    (u64::from(format.points).pow(3) + views) * u64::from(per_point) + error::rays()
+}
+
+fn is_fitted(format: &CapGridFormat) -> bool {
+    format.points < FITTED_BELOW
 }
 
 /// Bakes the cap grid of triangles in mesh space. `progress` gets the number of rays traced since the last call, from any
@@ -61,19 +68,22 @@ pub(crate) fn bake_cap_grid(
         triangles.iter().map(|t| t.map(|p| cap_from_mesh.transform_point3(p))).collect();
     let surroundings = Surroundings::new(&header, &in_cap_space);
 
+    let point_rays = if is_fitted(&format) { FITTED_RAYS } else { RAW_RAYS };
     let mut points: Vec<View> = header
         .positions()
         .par_iter()
         .map(|&position| {
-            let rays = surroundings.rays_from(position, POINT_RAYS, FAR_RAYS);
+            let rays = surroundings.rays_from(position, point_rays);
             progress(rays.into());
             surroundings.view(position, rays, Quat::IDENTITY)
         })
         .collect();
-    if format.points < FITTED_BELOW {
+    if is_fitted(&format) {
         fit::fit(&header, &surroundings, &mut points, &progress);
     } else {
-        points.iter_mut().for_each(|view| view.scale(storage_scale(view.position)));
+        for view in &mut points {
+            view.scale(storage_scale(view.position));
+        }
     }
     let scaled: Vec<_> = points.iter().map(|view| view.coefficients).collect();
     let unmeasured = CapGrid::encode(header.clone(), &scaled)?;
@@ -98,7 +108,7 @@ impl Surroundings {
         let half_extents = header.half_extents_in_cap_space();
         Self {
             bvh: TriangleBvh::new(triangles),
-            triangles: triangles.iter().map(|t| t.map(|p| p.as_vec3())).collect(),
+            triangles: triangles.iter().map(|t| t.map(DVec3::as_vec3)).collect(),
             // A little more, so that rounding leaves no corner outside.
             radius: half_extents.length() * 1.001,
             half_extents,
@@ -108,7 +118,7 @@ impl Surroundings {
     }
 
     /// How many rays a view from here deserves.
-    fn rays_from(&self, position: Vec3, near: u32, far: u32) -> u32 {
+    fn rays_from(&self, position: Vec3, (near, far): ViewRays) -> u32 {
         // The solid angle of the bounding sphere shrinks with the square of the distance.
         let share = self.radius * self.radius / position.length_squared().max(self.radius * self.radius);
         ((near as f32 * share) as u32).clamp(far, near)

@@ -47,7 +47,7 @@ impl Default for CapCombination {
 pub const MAX_DIRECTIONS: usize = 16;
 
 impl CapCombination {
-    /// How many directions are looked along: where objects are stretched, also by [`Product`](Self::Product).
+    /// How many directions are looked along; none of them matters to [`Product`](Self::Product).
     pub fn directions(self) -> usize {
         match self {
             Self::SoftCaps { directions: 12.. } => MAX_DIRECTIONS,
@@ -115,20 +115,31 @@ impl CapAmbient {
 pub struct CapPlacement {
     /// From the world, relative to the placement's chosen origin, to cap space.
     pub cap_from_world: Affine3A,
-    /// 0 for instances that are turned, moved, mirrored and scaled evenly, for which a grid is exact; up to 1 for those whose
-    /// scale is uneven, which are looked at along a few directions.
+    /// 0 for instances that are turned, moved, mirrored and scaled evenly, which are answered as their mesh is; up to 1 for
+    /// those whose scale is uneven, whose caps are [mapped](Cap::mapped). Scaled 1:2:3, a bunny in a corner
+    /// has a mean error of 0.006, where 0.05 is hidden in the mean.
     pub stretched: f32,
 }
 
 /// Deviation from an even scale at which an instance counts as stretched altogether.
 const FULLY_STRETCHED: f32 = 0.2;
 
+/// Deviation that rotations come to in single precision.
+const ROUNDING: f32 = 1.0e-4;
+
 impl CapPlacement {
     /// Places the grid of a field that is placed.
     pub fn new(cap_from_field: &Affine3A, placement: &Placement) -> Self {
         let cap_from_world = *cap_from_field * placement.field_from_world;
-        let stretched = (stretch(cap_from_world.matrix3.into()) / FULLY_STRETCHED).min(1.0);
-        Self { cap_from_world, stretched }
+        let stretched = (stretch(cap_from_world.matrix3.into()) - ROUNDING) / FULLY_STRETCHED;
+        Self { cap_from_world, stretched: stretched.clamp(0.0, 1.0) }
+    }
+
+    /// The linear part of the way back, but for its scale.
+    fn world_from_cap(&self) -> Mat3 {
+        let linear = Mat3::from(self.cap_from_world.matrix3);
+        let largest = linear.to_cols_array().into_iter().fold(0.0, |largest: f32, x| largest.max(x.abs()));
+        (linear * largest.recip()).inverse()
     }
 }
 
@@ -374,10 +385,11 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
         }
         let stretched = occluder.cap.stretched;
         if stretched > 0.0 {
-            seen.soften(&map, &directions, &mut soft);
-            let softened = mean(&soft);
+            let world_from_cap = occluder.cap.world_from_cap();
             for lane in 0..N {
-                occlusion[lane] += (softened[lane] - occlusion[lane]) * stretched;
+                let cap = seen.cap(lane).mapped(&world_from_cap);
+                let mapped = cap_occlusion(cap.harmonics(), &cap, normals.get(lane));
+                occlusion[lane] += (mapped - occlusion[lane]) * stretched;
             }
         }
         for lane in 0..N {
@@ -398,9 +410,7 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
             open.set(lane, open.get(lane) - towards * occlusion[lane]);
         }
         if SOFT {
-            if stretched <= 0.0 {
-                seen.soften(&map, &directions, &mut soft);
-            }
+            seen.soften(&map, &directions, &mut soft);
             distribute(&mut soft, &occlusion);
             for k in 0..K {
                 for lane in 0..N {

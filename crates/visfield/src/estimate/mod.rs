@@ -3,6 +3,7 @@
 
 pub mod caps;
 pub mod frame;
+pub mod harmonic_visibility;
 pub mod sampling;
 
 use glam::{DVec3, Vec3};

@@ -115,12 +115,36 @@ fn cap(harmonics: vec4<f32>) -> Cap {
     );
 }
 
+// Cap::harmonics
+fn cap_harmonics(seen: Cap) -> vec4<f32> {
+    let solid_angle = seen.opacity * TAU * (1.0 - seen.cosine);
+    return vec4<f32>(Y0 * solid_angle, seen.axis * (Y1 * solid_angle * 0.5 * (1.0 + seen.cosine)));
+}
+
+// Cap::mapped by the inverse of a map to cap space: by its cofactors, which are that inverse times the determinant.
+fn mapped(seen: Cap, cap_from_world: array<vec4<f32>, 3>) -> Cap {
+    let component = max(max(abs(cap_from_world[0].xyz), abs(cap_from_world[1].xyz)), abs(cap_from_world[2].xyz));
+    let largest = max(max(component.x, component.y), component.z);
+    let x = cap_from_world[0].xyz / largest;
+    let y = cap_from_world[1].xyz / largest;
+    let z = cap_from_world[2].xyz / largest;
+    let determinant = dot(x, cross(y, z));
+    let to = (cross(y, z) * seen.axis.x + cross(z, x) * seen.axis.y + cross(x, y) * seen.axis.z) / determinant;
+    let squared = max(dot(to, to), SMALLEST);
+    let length = sqrt(squared);
+    let spread = 1.0 / (abs(determinant) * squared * length);
+    let cosine_squared = seen.cosine * seen.cosine;
+    let cosine = seen.cosine / sqrt(max(cosine_squared + spread * (1.0 - cosine_squared), SMALLEST));
+    return Cap(to / length, cosine, seen.opacity);
+}
+
 fn soft_occlusion(seen: Cap, direction: vec3<f32>, softness: f32) -> f32 {
     let sine = sqrt(max(1.0 - seen.cosine * seen.cosine, 0.0));
     let soft_sine = sqrt(1.0 - softness * softness);
     let outer = select(seen.cosine * softness - sine * soft_sine, -1.0, seen.cosine < -softness);
     let inner = select(seen.cosine * softness + sine * soft_sine, 1.0, seen.cosine > softness);
-    let t = clamp((dot(seen.axis, direction) - outer) / (inner - outer), 0.0, 1.0);
+    let inside = (dot(seen.axis, direction) - outer) / (inner - outer);
+    let t = select(0.0, min(inside, 1.0), inside > 0.0);
     return seen.opacity * t * t * (3.0 - 2.0 * t);
 }
 
@@ -216,11 +240,10 @@ fn ambient(receiver: Receiver) -> Ambient {
         let seen = cap(harmonics);
         let normal = unit(transform(instances[i].cap_from_world, vec4<f32>(receiver.normal, 0.0)));
         var occlusion = cap_occlusion(harmonics, seen, normal);
-        var soft = array<f32, MAX_DIRECTIONS>();
         let stretched = instances[i].stretched;
         if stretched > 0.0 {
-            soften(i, seen, &directions, &soft);
-            occlusion += (mean(&soft) - occlusion) * stretched;
+            let in_world = mapped(seen, instances[i].cap_from_world);
+            occlusion += (cap_occlusion(cap_harmonics(in_world), in_world, receiver.normal) - occlusion) * stretched;
         }
         occlusion = above_cutoff(occlusion * reach);
         if occlusion <= 0.0 {
@@ -233,9 +256,8 @@ fn ambient(receiver: Receiver) -> Ambient {
             visible[0] *= 1.0 - occlusion;
             continue;
         }
-        if stretched <= 0.0 {
-            soften(i, seen, &directions, &soft);
-        }
+        var soft = array<f32, MAX_DIRECTIONS>();
+        soften(i, seen, &directions, &soft);
         distribute(&soft, occlusion);
         for (var k = 0u; k < DIRECTIONS; k++) {
             visible[k] *= 1.0 - soft[k];

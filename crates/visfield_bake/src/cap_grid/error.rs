@@ -6,32 +6,33 @@ use visfield::field::cap_grid::{CapGrid, CapGridError};
 
 use super::{Surroundings, in_cube, rotation};
 
-/// Points on either side of the box's faces.
+/// Points outside the box, and most of those inside it.
 const POINTS: usize = 300;
+/// Points around the surface, of which those count that are inside the box and outside the mesh.
+const AROUND_SURFACE: usize = 3 * POINTS;
 /// Rays per point.
-const RAYS: u32 = 1024;
-/// Of the points inside, every second one lies this near to the surface, in units of cap space.
+const RAYS: u32 = 512;
+/// How far from the surface points inside the box lie, in units of cap space: where receivers stand.
 const NEAR: f32 = 0.15;
 /// Apart from the sequences that the fit draws its points from.
 const FRESH: usize = 1 << 20;
 
-/// Number of rays that a measurement traces.
+/// Largest number of rays that a measurement traces.
 pub(super) fn rays() -> u64 {
-    2 * POINTS as u64 * u64::from(RAYS)
+    (POINTS + AROUND_SURFACE) as u64 * u64::from(RAYS)
 }
 
 /// Mean absolute errors of occlusion outside and inside the mesh's bounding box. The exact occlusion is that of the same
 /// directions for all normals, weighted by their cosine.
 pub(super) fn measure(grid: &CapGrid, surroundings: &Surroundings, progress: &(impl Fn(u64) + Sync)) -> CapGridError {
     let half_extents = surroundings.half_extents;
+    let is_inside_box = |p: &Vec3| p.abs().cmplt(half_extents).all();
     // Up to about the mesh's size away from its faces.
     let reach = half_extents + 1.0;
-    let in_box = |index: usize, size: Vec3| (in_cube(FRESH + index) * 2.0 - 1.0) * size;
-    let is_inside_box = |p: &Vec3| p.abs().cmple(half_extents).all();
-    let outside = (0..).map(|index| in_box(index, reach)).filter(|p| !is_inside_box(p)).take(POINTS).collect();
-    let near = surroundings.near_surface(POINTS / 2, NEAR).into_iter().filter(is_inside_box);
-    let inside = (0..POINTS / 2).map(|index| in_box(index, half_extents)).chain(near).collect();
-    let [outside, inside] = [outside, inside].map(|points: Vec<Vec3>| {
+    let around_box = (0..).map(|index| (in_cube(FRESH + index) * 2.0 - 1.0) * reach);
+    let outside: Vec<Vec3> = around_box.filter(|p| !is_inside_box(p)).take(POINTS).collect();
+    let inside = surroundings.near_surface(AROUND_SURFACE, NEAR).into_iter().filter(is_inside_box).collect();
+    let [outside, inside] = [outside, inside].map(|points| {
         let errors = points.par_iter().enumerate().filter(|(_, point)| !surroundings.is_inside(**point));
         let errors: Vec<f32> = errors
             .map(|(index, &point)| {
@@ -39,7 +40,8 @@ pub(super) fn measure(grid: &CapGrid, surroundings: &Surroundings, progress: &(i
                 error_at(grid, surroundings, point, index)
             })
             .collect();
-        errors.iter().sum::<f32>() / errors.len().max(1) as f32
+        // Where nobody can stand, nothing is wrong.
+        errors.iter().fold(0.0, |sum, error| sum + error) / errors.len().max(1) as f32
     });
     CapGridError { outside, inside }
 }

@@ -9,7 +9,7 @@ use visfield::field::cap_grid::harmonics::MAX_COEFFICIENTS;
 use visfield::field::cap_grid::warp::{AxisWarp, storage_scale};
 
 use super::view::View;
-use super::{Surroundings, in_cube, rotation};
+use super::{FITTED_RAYS, Surroundings, in_cube, rotation};
 
 /// Views per cell, spread over the grid.
 const PER_CELL: usize = 6;
@@ -17,18 +17,14 @@ const PER_CELL: usize = 6;
 const AT_SURFACE_PER_CELL: usize = 3;
 /// How far off the surface they are, in cells.
 const OFF_SURFACE: f32 = 1.5;
-/// Rays per view…
-const VIEW_RAYS: u32 = 256;
-/// …and from far away.
-const FAR_RAYS: u32 = 64;
 /// How strongly values are held where they started, in mean weights of a point.
 const INERTIA: f32 = 0.1;
 /// Steps of conjugate gradients.
 const STEPS: usize = 25;
 
-/// Largest number of rays that a fit traces.
-pub(super) fn rays(points: u32) -> u64 {
-    (u64::from(points) - 1).pow(3) * (PER_CELL + AT_SURFACE_PER_CELL) as u64 * u64::from(VIEW_RAYS)
+/// Number of views that a fit takes.
+pub(super) fn views(points: u32) -> u64 {
+    (u64::from(points) - 1).pow(3) * (PER_CELL + AT_SURFACE_PER_CELL) as u64
 }
 
 /// Turns the views of the grid's points into fitted values, scaled for storage.
@@ -39,8 +35,10 @@ pub(super) fn fit(
     progress: &(impl Fn(u64) + Sync),
 ) {
     fill_inside(header.format.points as usize, points);
-    points.iter_mut().for_each(|view| view.scale(storage_scale(view.position)));
-    let views = views(header, surroundings, progress);
+    for view in points.iter_mut() {
+        view.scale(storage_scale(view.position));
+    }
+    let views = look_around(header, surroundings, progress);
     let warps = header.warps();
     let rows: Vec<Row> = views.iter().map(|view| Row::new(&warps, header.format.points, view.position)).collect();
     let fitted: Vec<Vec<f32>> = (0..header.format.order.coefficients())
@@ -82,7 +80,7 @@ fn fill_inside(side: usize, points: &mut [View]) {
 
 /// What is seen from between the points, scaled for storage: evenly over the grid's cells, and just off the surface. None is
 /// inside the mesh.
-fn views(header: &CapGridHeader, surroundings: &Surroundings, progress: &(impl Fn(u64) + Sync)) -> Vec<View> {
+fn look_around(header: &CapGridHeader, surroundings: &Surroundings, progress: &(impl Fn(u64) + Sync)) -> Vec<View> {
     let cells = (header.format.points as usize - 1).pow(3);
     let warps = header.warps();
     let spread = (0..cells * PER_CELL).map(|index| {
@@ -96,7 +94,7 @@ fn views(header: &CapGridHeader, surroundings: &Surroundings, progress: &(impl F
         .par_iter()
         .enumerate()
         .filter_map(|(index, &position)| {
-            let rays = surroundings.rays_from(position, VIEW_RAYS, FAR_RAYS);
+            let rays = surroundings.rays_from(position, FITTED_RAYS);
             progress(rays.into());
             let mut view = surroundings.view(position, rays, rotation(index));
             view.scale(storage_scale(position));
@@ -167,13 +165,15 @@ impl Row {
     }
 }
 
-/// The values nearest to `start` whose interpolation is nearest to `targets`: (AᵀA + λ) x = Aᵀt + λ x₀, by conjugate gradients.
+/// The values nearest to `start` whose interpolation is nearest to `targets`: `(AᵀA + λ) x = Aᵀt + λ x₀`, by conjugate gradients.
 fn solve(rows: &[Row], targets: &[f32], start: Vec<f32>) -> Vec<f32> {
     let squares: f32 = rows.iter().flat_map(|row| row.weights).map(|w| w * w).sum();
     let inertia = INERTIA * squares / start.len() as f32;
     let apply = |x: &[f32]| {
         let mut product: Vec<f32> = x.iter().map(|x| x * inertia).collect();
-        rows.iter().for_each(|row| row.spread(row.interpolate(x), &mut product));
+        for row in rows {
+            row.spread(row.interpolate(x), &mut product);
+        }
         product
     };
     let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
@@ -206,16 +206,18 @@ mod tests {
     #[test]
     fn what_a_grid_can_hold_is_found() {
         let warps = [AxisWarp::new(1.0, 6); 3];
-        // Linear in the grid's own coordinates.
-        let function = |p: Vec3| 1.0 + warps[0].coordinate(p.x) - 2.0 * warps[2].coordinate(p.z);
-        let positions: Vec<Vec3> = (0..2000).map(|i| (in_cube(i) * 2.0 - 1.0) * 5.0).collect();
-        let rows: Vec<Row> = positions.iter().map(|&p| Row::new(&warps, 6, p)).collect();
-        let targets: Vec<f32> = positions.iter().map(|&p| function(p)).collect();
-        let found = solve(&rows, &targets, vec![0.0; 216]);
-        let error = |row: &Row, target: &f32| (row.interpolate(&found) - target).abs();
-        let mean = rows.iter().zip(&targets).map(|(row, target)| error(row, target)).sum::<f32>() / 2000.0;
-        assert!(mean < 0.05, "{mean}");
-        let kept = solve(&rows, &targets, found.clone());
-        assert!(kept.iter().zip(&found).all(|(a, b)| (a - b).abs() < 0.3));
+        let held: Vec<f32> = (0..216).map(|i| in_cube(i).x).collect();
+        let rows: Vec<Row> = (0..4000).map(|i| Row::new(&warps, 6, (in_cube(i) * 2.0 - 1.0) * 5.0)).collect();
+        let targets: Vec<f32> = rows.iter().map(|row| row.interpolate(&held)).collect();
+        let mean_error = |values: &[f32]| {
+            let error = |(row, target): (&Row, &f32)| (row.interpolate(values) - target).abs();
+            rows.iter().zip(&targets).map(error).sum::<f32>() / rows.len() as f32
+        };
+        let nothing = vec![0.0; held.len()];
+        assert!(mean_error(&nothing) > 0.4);
+        // Inertia holds back what no row sees well.
+        let found = solve(&rows, &targets, nothing);
+        assert!(mean_error(&found) < 0.03, "{}", mean_error(&found));
+        assert_eq!(solve(&rows, &targets, held.clone()), held, "nothing is to be gained");
     }
 }

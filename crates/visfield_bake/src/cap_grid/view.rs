@@ -7,8 +7,9 @@ use visfield::field::cap_grid::harmonics::{MAX_COEFFICIENTS, harmonics};
 
 use super::{Surroundings, WHOLE};
 
-/// Share of occluded directions above which a point may lie inside the mesh.
-const ENCLOSED: f32 = 0.998;
+/// Share of occluded directions above which a point may lie inside the mesh. Many closed-looking meshes have holes that light
+/// gets in by; what stands behind a sheet sees more than this.
+const ENCLOSED: f32 = 0.9;
 /// Rays that decide whether it does.
 const INSIDE_RAYS: u32 = 64;
 
@@ -23,7 +24,7 @@ pub(super) struct View {
 
 impl View {
     pub(super) fn scale(&mut self, factor: f32) {
-        self.coefficients.iter_mut().for_each(|x| *x *= factor);
+        self.coefficients = self.coefficients.map(|x| x * factor);
     }
 }
 
@@ -42,7 +43,7 @@ impl Surroundings {
             }
         }
         let per_ray = solid_angle / rays as f32;
-        coefficients.iter_mut().for_each(|x| *x *= per_ray);
+        coefficients = coefficients.map(|x| x * per_ray);
         let enclosed = hit * per_ray > ENCLOSED * WHOLE || self.falloff != Falloff::None;
         View { position, coefficients, inside: enclosed && self.is_inside(position) }
     }
@@ -81,13 +82,15 @@ impl Surroundings {
         (pattern.map(in_cone).collect(), WHOLE * 0.5 * depth)
     }
 
-    /// Whether more surfaces are seen from behind than from the front.
+    /// Whether a point is enclosed, and sees most of what encloses it from behind.
     pub(super) fn is_inside(&self, position: Vec3) -> bool {
-        let behind = |direction: &Vec3| {
-            let hit = self.bvh.closest_hit_normal(position, *direction, f32::INFINITY);
-            hit.is_some_and(|(_, normal)| normal.dot(*direction) > 0.0)
-        };
-        let count = sphere_samples(INSIDE_RAYS).iter().filter(|direction| behind(direction)).count();
-        count * 2 > INSIDE_RAYS as usize
+        let (mut hits, mut behind) = (0, 0);
+        for direction in sphere_samples(INSIDE_RAYS) {
+            if let Some((_, normal)) = self.bvh.closest_hit_normal(position, direction, f32::INFINITY) {
+                hits += 1;
+                behind += u32::from(normal.dot(direction) > 0.0);
+            }
+        }
+        hits as f32 > ENCLOSED * INSIDE_RAYS as f32 && behind * 2 > hits
     }
 }

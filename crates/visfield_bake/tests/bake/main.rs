@@ -1,6 +1,9 @@
 //! Tests of the bake as its users see it: closed forms, real meshes, bad input, the command, and the example assets.
 
 mod bad_input;
+mod cap_extremes;
+mod cap_lights;
+mod cap_shapes;
 mod closed_forms;
 mod command;
 mod example_assets;

@@ -1,12 +1,13 @@
 //! Baked models against exact rays.
 
 use glam::{DAffine3, DVec3, Vec3, dvec3};
-use visfield::estimate::{self, AmbientOcclusion, DirectionalShadow, Receiver};
+use visfield::estimate::{self, AmbientOcclusion, DirectionalShadow};
 use visfield::scene::{Instance, Scene};
 use visfield::{CapGridFormat, VisibilityField};
 use visfield_bake::measure::{AmbientQuestion, measure_ambient};
 use visfield_bake::{BakeSettings, ExactScene, Mesh, bake, exact, read_meshes};
 
+use super::cap_shapes::corner;
 use super::support::{compare, exact_hits, shared_mesh};
 
 fn bake_coarse(mesh: &Mesh) -> VisibilityField {
@@ -69,23 +70,6 @@ fn cap_grids_agree_with_very_many_rays_in_a_corner() {
             assert!(found.occluded_fraction > 0.03, "{name} must be in view");
         }
     }
-}
-
-/// The corner of the 2008 paper: a floor and two walls, 15 × 15 receivers each, at `distance` radii from the centre.
-fn corner(center: DVec3, radius: f64, distance: f64) -> Vec<Receiver> {
-    let mut receivers = Vec::new();
-    for (normal, u, v) in
-        [(DVec3::Y, DVec3::X, DVec3::Z), (DVec3::X, DVec3::Y, DVec3::Z), (DVec3::Z, DVec3::X, DVec3::Y)]
-    {
-        for i in 0..15 {
-            for j in 0..15 {
-                let along = |k: i32| f64::from(k - 7) / 7.0 * 2.0 * radius;
-                let position = center - normal * distance * radius + u * along(i) + v * along(j);
-                receivers.push(Receiver { position, normal: normal.as_vec3() });
-            }
-        }
-    }
-    receivers
 }
 
 #[test]
