@@ -28,7 +28,7 @@ fn error(folder: &Path, arguments: &[&str]) -> String {
     message
 }
 
-const TETRAHEDRON: &str = "v 1 1 1\nv -1 -1 1\nv -1 1 -1\nv 1 -1 -1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n";
+const TETRAHEDRON: &str = "v 1 1 1\nv -1 -1 1\nv -1 1 -1\nv 1 -1 -1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
 
 #[test]
 fn bake_then_inspect() {
