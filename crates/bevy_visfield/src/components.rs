@@ -230,7 +230,9 @@ const fn clamp_rays(rays: u32) -> u32 {
 #[derive(Component, Reflect, Clone, Copy, Debug, PartialEq)]
 #[reflect(Component, Default, Clone, PartialEq)]
 pub struct FieldShadows {
-    /// Half of the angle that the light's disc covers in the sky, in radians, 0 to 1.2. Larger is softer.
+    /// Half of the angle that the light's disc covers in the sky, in radians, 0 to 1.2. Larger is softer. From 0.26 (15°) on, the
+    /// cap grids of fields that were baked with `--order 3` hide it, without rays and noise, where cap grids are used; at 15°
+    /// they are coarse, from 0.5 on good.
     pub angular_radius: f32,
 }
 

@@ -12,6 +12,7 @@ use bevy::render::renderer::RenderDevice;
 use bevy::render::texture::{CachedTexture, TextureCache};
 use bevy::render::view::ExtractedView;
 use visfield::estimate::frame::{FrameLight, MAX_LIGHTS, TraceSettings};
+use visfield::field::cap_grid::HarmonicOrder;
 use visfield::gpu::OUTPUT_FORMAT;
 use visfield::gpu::layout::InstanceData;
 use visfield::scene::Placement;
@@ -126,10 +127,13 @@ fn place_occluders(
                 occluder.world_from_mesh
             );
         }
-        if slot.table().is_none() && (!caps || !lights.is_empty()) {
+        let hides_large_lights = slot.cap_grid().is_some_and(|grid| caps && grid.order == HarmonicOrder::Three);
+        let casts = |light: &FrameLight| slot.table().is_some() || hides_large_lights && light.is_large();
+        if slot.table().is_none() && !(caps && lights.iter().all(casts)) {
             warn_once!(
-                "a visibility field has a cap grid and no table: it casts no shadows, and ambient occlusion only where the \
-                 estimator is OcclusionEstimator::CapGrid. Bake it with `--representation two-point,cap-grid`."
+                "a visibility field has a cap grid and no table: it casts no shadows (but of large lights, with `--order 3`), \
+                 and ambient occlusion only where the estimator is OcclusionEstimator::CapGrid. Bake it with \
+                 `--representation two-point,cap-grid`."
             );
         }
         Some(InstanceData::new(slot, &placement?, caps))

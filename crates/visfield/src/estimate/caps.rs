@@ -14,7 +14,7 @@ use super::sampling::sphere_samples;
 use super::{FacingOccluder, Receiver, blocked_share, cosine_direction};
 use crate::field::VisibilityField;
 use crate::field::cap_grid::cap::{CUTOFF, Cap, above_cutoff, cap_occlusion};
-use crate::field::cap_grid::{CapGrid, stretch};
+use crate::field::cap_grid::{CapGrid, HarmonicOrder, stretch};
 use crate::field::lanes::Vectors;
 use crate::field::query::Bias;
 use crate::scene::{Placement, Scene};
@@ -143,16 +143,19 @@ impl CapPlacement {
     }
 }
 
-/// Which part of a field answers ambient occlusion.
+/// Half-angle of a light, in radians, from which cap grids can hide it: 15°. Smaller ones have edges that harmonics do not.
+pub const LARGE_LIGHT: f32 = 0.261_8;
+
+/// Which part of a field answers ambient occlusion, or hides a large light.
 ///
 /// ```
-/// use visfield::estimate::caps::AmbientSource;
+/// use visfield::estimate::caps::OcclusionSource;
 /// # let field = visfield::field::example_caps(); // no table
-/// assert_eq!(AmbientSource::of(&field, true), AmbientSource::CapGrid);
-/// assert_eq!(AmbientSource::of(&field, false), AmbientSource::None);
+/// assert_eq!(OcclusionSource::of(&field, true), OcclusionSource::CapGrid);
+/// assert_eq!(OcclusionSource::of(&field, false), OcclusionSource::None);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AmbientSource {
+pub enum OcclusionSource {
     /// No part can.
     None,
     /// The table, by rays.
@@ -164,10 +167,17 @@ pub enum AmbientSource {
     CapGridWithRaysInside,
 }
 
-impl AmbientSource {
-    /// The part of a field to ask, where cap grids are wanted or are not.
+impl OcclusionSource {
+    /// The part of a field to ask for ambient occlusion, where cap grids are wanted or are not.
     pub fn of(field: &VisibilityField, caps: bool) -> Self {
         Self::choose(field.answers_rays(), field.cap_grid().map(CapGrid::serves_inside), caps)
+    }
+
+    /// The part of a field to ask for a light of [`LARGE_LIGHT`] or more: for that, a grid needs
+    /// [`HarmonicOrder::Three`].
+    pub fn of_large_lights(field: &VisibilityField, caps: bool) -> Self {
+        let grid = field.cap_grid().filter(|grid| grid.header().format.order == HarmonicOrder::Three);
+        Self::choose(field.answers_rays(), grid.map(CapGrid::serves_inside), caps)
     }
 
     /// The same, of a field that answers rays or does not, and has a grid that serves inside its box or does not.
@@ -206,8 +216,21 @@ impl<'a> CapOccluder<'a> {
     /// An instance of a field; `None` if the field has no cap grid.
     pub fn new(placement: Placement, field: &'a VisibilityField) -> Option<Self> {
         let (grid, cap_from_field) = (field.cap_grid()?, field.cap_from_field()?);
-        let rays_inside = AmbientSource::of(field, true) == AmbientSource::CapGridWithRaysInside;
+        let rays_inside = OcclusionSource::of(field, true) == OcclusionSource::CapGridWithRaysInside;
         Some(Self { placement, cap: CapPlacement::new(&cap_from_field, &placement), field, grid, rays_inside })
+    }
+
+    /// Its bounding sphere, and the map to field space.
+    pub(super) fn placement(&self) -> &Placement {
+        &self.placement
+    }
+
+    /// How much of a disc of the sky it hides, as [`CapGrid::light_occlusion`] has it, from 0 to 1. Where the scale is uneven, the
+    /// disc is taken for one of the same size in the mesh's space.
+    pub(super) fn light_occlusion(&self, position: Vec3, axis: Vec3, half_angle: f32) -> f32 {
+        let local = self.cap.cap_from_world;
+        let axis = unit(local.transform_vector3(axis));
+        above_cutoff(self.grid.light_occlusion(local.transform_point3(position), axis, half_angle))
     }
 
     /// Whether a receiver is left to rays.

@@ -4,7 +4,7 @@
 
 use glam::{IVec2, Mat4, UVec2, Vec2, Vec3, Vec4, uvec2, vec2};
 
-use super::caps::{AmbientSource, CapCombination, CapOccluder, CapSettings, ambient};
+use super::caps::{CapCombination, CapOccluder, CapSettings, LARGE_LIGHT, OcclusionSource, ambient};
 use super::sampling::{
     AMBIENT_INTERLEAVE_BITS, DiscBasis, LIGHT_INTERLEAVE_BITS, disc_samples, interleave_index, residues, sphere_samples,
 };
@@ -27,7 +27,8 @@ pub const MAX_RAYS: u32 = 32;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TraceSettings {
-    /// Whether ambient occlusion comes from the cap grids of fields that have one, and how they combine. Others get rays.
+    /// Whether ambient occlusion, and that of [large lights](FrameLight::is_large), comes from the cap grids of fields that have
+    /// one for it, and how they combine. Others get rays.
     pub caps: Option<CapCombination>,
     /// Ambient occlusion rays per pixel, 0 (none) to [`MAX_RAYS`]. The denoiser sees 64 times as many.
     pub ambient_rays: u32,
@@ -98,6 +99,11 @@ impl FrameLight {
     pub fn new(channel: usize, to_light: Vec3, angular_radius: f32) -> Self {
         let angular_radius = DiscBasis::clamp_angular_radius(angular_radius);
         Self { channel, disc: DiscBasis::new(to_light, angular_radius), angular_radius }
+    }
+
+    /// Whether cap grids can hide it.
+    pub fn is_large(&self) -> bool {
+        self.angular_radius >= LARGE_LIGHT
     }
 }
 
@@ -181,7 +187,7 @@ pub fn trace(
         let mut occlusion = Vec4::ZERO;
         let within_reach = |occluder: &&FacingOccluder| {
             to_center(occluder.placement).length() - occluder.placement.radius < settings.max_distance
-                && has_rays(occluder, receiver.position, settings.caps.is_some())
+                && has_rays(occluder, receiver.position, OcclusionSource::of(occluder.field, settings.caps.is_some()))
         };
         let reached: Vec<&FacingOccluder> = above.iter().filter(within_reach).collect();
         let count = own_samples(&sphere, pixel, AMBIENT_INTERLEAVE_BITS)
@@ -191,10 +197,13 @@ pub fn trace(
         occlusion.x = count as f32 / settings.ambient_rays.max(1) as f32;
         let usable = |light: &&FrameLight| light.channel < MAX_LIGHTS && receiver.normal.dot(light.disc.axis) > 0.0;
         for light in lights.iter().filter(usable) {
-            let in_cone: Vec<&FacingOccluder> = above
-                .iter()
-                .filter(|occluder| meets_cone(to_center(occluder.placement), occluder.placement.radius, light))
-                .collect();
+            let asked = |occluder: &&FacingOccluder| {
+                let large = light.is_large() && settings.caps.is_some();
+                let source = OcclusionSource::of_large_lights(occluder.field, large);
+                meets_cone(to_center(occluder.placement), occluder.placement.radius, light)
+                    && has_rays(occluder, receiver.position, source)
+            };
+            let in_cone: Vec<&FacingOccluder> = above.iter().filter(asked).collect();
             // Of the disc, only what is above the receiver's horizon counts.
             let rays: Vec<Vec3> = own_samples(&disc, pixel, LIGHT_INTERLEAVE_BITS)
                 .map(|&point| light.disc.direction(point))
@@ -209,33 +218,54 @@ pub fn trace(
     geometry.pixels().map(trace_pixel).collect()
 }
 
-/// Whether rays are sent to an occluder for the ambient occlusion of a receiver at a position.
-fn has_rays(occluder: &FacingOccluder, position: Vec3, caps: bool) -> bool {
-    let source = AmbientSource::of(occluder.field, caps);
+/// Whether rays are sent to an occluder that is asked so, from a receiver at a position.
+fn has_rays(occluder: &FacingOccluder, position: Vec3, source: OcclusionSource) -> bool {
     let cap = CapOccluder::new(*occluder.placement, occluder.field);
     source.has_rays(cap.is_some_and(|cap| cap.leaves_to_rays(position)))
 }
 
-/// Ambient occlusion of every pixel by cap grids, of the instances that they answer for. Without noise.
+/// What cap grids give every pixel, without noise: ambient occlusion in x, the occlusion of large lights by channel in y, z, w;
+/// of the instances that they answer for.
 ///
 /// # Panics
 /// If depth or normals do not hold one value per pixel.
 pub fn caps(
     geometry: &GeometryBuffer,
     instances: &[(Placement, &VisibilityField)],
+    lights: &[FrameLight],
     settings: &TraceSettings,
-) -> Vec<f32> {
+) -> Vec<Vec4> {
     let settings = settings.clamped();
-    let asked = instances.iter().filter(|(_, field)| AmbientSource::of(field, settings.caps.is_some()).has_caps());
-    let occluders: Vec<CapOccluder> =
-        asked.filter_map(|(placement, field)| CapOccluder::new(*placement, field)).collect();
-    let occlusion = |pixel: UVec2| {
-        let receiver = geometry.receiver_at(pixel);
-        let lit = receiver.depth == 0.0;
-        let found = || ambient(&occluders, receiver.position, receiver.normal, &settings.cap_settings()).occlusion;
-        if lit { 0.0 } else { found() }
+    let wanted = settings.caps.is_some();
+    let answered_for = |source: fn(&VisibilityField, bool) -> OcclusionSource| -> Vec<CapOccluder> {
+        let asked = instances.iter().filter(|(_, field)| source(field, wanted).has_caps());
+        asked.filter_map(|(placement, field)| CapOccluder::new(*placement, field)).collect()
     };
-    geometry.pixels().map(occlusion).collect()
+    let (of_ambient, of_lights) = (answered_for(OcclusionSource::of), answered_for(OcclusionSource::of_large_lights));
+    let pixel = |pixel: UVec2| {
+        let FrameReceiver { position, normal, depth } = geometry.receiver_at(pixel);
+        if depth == 0.0 {
+            return Vec4::ZERO;
+        }
+        let mut occlusion = Vec4::ZERO;
+        occlusion.x = ambient(&of_ambient, position, normal, &settings.cap_settings()).occlusion;
+        let usable = |light: &&FrameLight| light.is_large() && normal.dot(light.disc.axis) > 0.0;
+        for light in lights.iter().filter(|light| light.channel < MAX_LIGHTS).filter(usable) {
+            let hidden = |occluder: &&CapOccluder| {
+                let placement = occluder.placement();
+                let to_center = placement.center - position;
+                above_surface(to_center, placement.radius, normal)
+                    && meets_cone(to_center, placement.radius, light)
+                    && !occluder.leaves_to_rays(position)
+            };
+            let visible = |occluder: &CapOccluder| {
+                1.0 - occluder.light_occlusion(position, light.disc.axis, light.angular_radius)
+            };
+            occlusion[light.channel + 1] = 1.0 - of_lights.iter().filter(hidden).map(visible).product::<f32>();
+        }
+        occlusion
+    };
+    geometry.pixels().map(pixel).collect()
 }
 
 /// All of a frame's occlusion: what is traced and denoised, and what cap grids add.
@@ -261,8 +291,8 @@ pub fn occlusion(
     settings: &TraceSettings,
 ) -> Vec<Vec4> {
     let mut occlusion = denoise(geometry, &trace(geometry, instances, lights, settings));
-    for (all, caps) in occlusion.iter_mut().zip(caps(geometry, instances, settings)) {
-        all.x = 1.0 - (1.0 - all.x) * (1.0 - caps);
+    for (all, caps) in occlusion.iter_mut().zip(caps(geometry, instances, lights, settings)) {
+        *all = 1.0 - (1.0 - *all) * (1.0 - caps);
     }
     occlusion
 }

@@ -4,11 +4,11 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Affine3A, UVec2, Vec3};
 
 use super::FieldSlot;
-use crate::estimate::caps::{AmbientSource, CapCombination, CapPlacement};
+use crate::estimate::caps::{CapCombination, CapPlacement, OcclusionSource};
 use crate::estimate::frame::{FrameLight, MAX_LIGHTS, TraceSettings};
 use crate::estimate::sampling::sphere_samples;
-use crate::field::cap_grid::CapPrecision;
 use crate::field::cap_grid::warp::AxisWarp;
+use crate::field::cap_grid::{CapPrecision, HarmonicOrder};
 use crate::field::{CapGrid, Encoding};
 use crate::scene::Placement;
 
@@ -39,26 +39,28 @@ pub struct InstanceData {
     pub encoding: u32,
     /// The number of the field's cap grid: where it starts in the pool, in headers.
     pub cap_grid: u32,
-    /// Which part answers ambient occlusion: 0 for [`AmbientSource::None`], 1 for [`AmbientSource::Rays`], 2 for
-    /// [`AmbientSource::CapGrid`], 3 for [`AmbientSource::CapGridWithRaysInside`].
+    /// Which part answers ambient occlusion: 0 for [`OcclusionSource::None`], 1 for [`OcclusionSource::Rays`], 2 for
+    /// [`OcclusionSource::CapGrid`], 3 for [`OcclusionSource::CapGridWithRaysInside`].
     pub ambient_source: u32,
     /// [`CapPlacement::stretched`]
     pub stretched: f32,
-    /// Fills the last 16 bytes.
-    pub padding: u32,
+    /// The same as `ambient_source`, for lights of [`LARGE_LIGHT`](crate::estimate::caps::LARGE_LIGHT) and more.
+    pub light_source: u32,
 }
 
 impl InstanceData {
     /// An instance of the field in `slot`, placed relative to the camera. With `caps`, its cap grid answers ambient occlusion,
     /// if it has one.
     pub fn new(slot: &FieldSlot, placement: &Placement, caps: bool) -> Self {
-        let source =
-            AmbientSource::choose(slot.table().is_some(), slot.cap_grid().map(|grid| grid.serves_inside), caps);
+        let answers_rays = slot.table().is_some();
+        let ambient = slot.cap_grid().map(|grid| grid.serves_inside);
+        let lights = slot.cap_grid().filter(|grid| grid.order == HarmonicOrder::Three).map(|grid| grid.serves_inside);
         let mut data = Self {
             field_from_world: rows(&placement.field_from_world),
             center: placement.center.to_array(),
             radius: placement.radius,
-            ambient_source: ambient_source_number(source),
+            ambient_source: source_number(OcclusionSource::choose(answers_rays, ambient, caps)),
+            light_source: source_number(OcclusionSource::choose(answers_rays, lights, caps)),
             ..Self::zeroed()
         };
         if let Some(table) = slot.table() {
@@ -76,20 +78,14 @@ impl InstanceData {
     }
 }
 
-impl InstanceData {
-    /// Whether its cap grid is asked anywhere.
-    pub(super) fn has_caps(&self) -> bool {
-        [AmbientSource::CapGrid, AmbientSource::CapGridWithRaysInside]
-            .map(ambient_source_number)
-            .contains(&self.ambient_source)
-    }
+/// Whether a cap grid is asked anywhere, by the number of a source.
+pub(super) fn has_caps(source: u32) -> bool {
+    [OcclusionSource::CapGrid, OcclusionSource::CapGridWithRaysInside].map(source_number).contains(&source)
+}
 
-    /// Whether rays are sent for its ambient occlusion anywhere.
-    pub(super) fn has_rays(&self) -> bool {
-        [AmbientSource::Rays, AmbientSource::CapGridWithRaysInside]
-            .map(ambient_source_number)
-            .contains(&self.ambient_source)
-    }
+/// Whether rays are sent anywhere, by the number of a source.
+pub(super) fn has_rays(source: u32) -> bool {
+    [OcclusionSource::Rays, OcclusionSource::CapGridWithRaysInside].map(source_number).contains(&source)
 }
 
 fn rows(map: &Affine3A) -> [[f32; 4]; 3] {
@@ -118,16 +114,16 @@ pub struct CapGridData {
     pub first_texel: u32,
     /// Of each axis, how fast its rational part widens.
     pub curvature: [f32; 3],
-    /// Fills 16 bytes.
-    pub padding: u32,
+    /// Words from the points of four coefficients to those of the next four.
+    pub plane_words: u32,
     /// Of each axis, 1 over where the grid ends.
     pub inverse_extent: [f32; 3],
     /// Fills 16 bytes.
-    pub padding_2: u32,
+    pub padding: u32,
     /// Half the sides of the mesh's box in cap space.
     pub half_extents: [f32; 3],
     /// Fills 16 bytes.
-    pub padding_3: u32,
+    pub padding_2: u32,
     /// What a stored 0 stands for, of the first four coefficients.
     pub low: [f32; 4],
     /// What a step stands for.
@@ -148,24 +144,45 @@ impl CapGridData {
             inverse_slope: axes(|warp| warp.inverse_slope),
             first_texel,
             curvature: axes(|warp| warp.curvature),
-            padding: 0,
+            plane_words: (grid.words().len() / planes(grid)) as u32 + COEFFICIENT_WORDS,
             inverse_extent: axes(|warp| warp.inverse_extent),
-            padding_2: 0,
+            padding: 0,
             half_extents: header.half_extents_in_cap_space().to_array(),
-            padding_3: 0,
+            padding_2: 0,
             low,
             step,
         }
     }
 }
 
-/// A source of ambient occlusion as shaders know it.
-pub fn ambient_source_number(source: AmbientSource) -> u32 {
+/// Words that go before the points of all but the first four coefficients: what 0 and a step of them stand for.
+const COEFFICIENT_WORDS: u32 = 8;
+
+/// How many times four coefficients a grid has.
+fn planes(grid: &CapGrid) -> usize {
+    grid.header().format.order.coefficients() / 4
+}
+
+/// What follows a grid's [`CapGridData`]: the points of the first four coefficients, then for each four more what 0 and a step of
+/// them stand for, and their points.
+pub fn cap_grid_words(grid: &CapGrid) -> Vec<u32> {
+    let mut words = Vec::new();
+    for (plane, points) in grid.words().chunks(grid.words().len() / planes(grid)).enumerate() {
+        if plane > 0 {
+            words.extend(grid.low_and_step(plane).as_flattened().iter().map(|x| x.to_bits()));
+        }
+        words.extend(points);
+    }
+    words
+}
+
+/// A source as shaders know it.
+pub fn source_number(source: OcclusionSource) -> u32 {
     match source {
-        AmbientSource::None => 0,
-        AmbientSource::Rays => 1,
-        AmbientSource::CapGrid => 2,
-        AmbientSource::CapGridWithRaysInside => 3,
+        OcclusionSource::None => 0,
+        OcclusionSource::Rays => 1,
+        OcclusionSource::CapGrid => 2,
+        OcclusionSource::CapGridWithRaysInside => 3,
     }
 }
 
@@ -247,8 +264,10 @@ pub struct FrameUniform {
     pub caps: u32,
     /// First pixel of what the caps pass writes.
     pub caps_origin: [u32; 2],
+    /// A bit for each of `lights` that cap grids hide.
+    pub large_lights: u32,
     /// Aligns the lights.
-    pub padding: [u32; 2],
+    pub padding: u32,
     /// The lights, the first `light_count` of them in use.
     pub lights: [LightData; MAX_LIGHTS],
 }
@@ -264,9 +283,10 @@ impl FrameUniform {
     ) -> Self {
         let mut data = [LightData::default(); MAX_LIGHTS];
         let usable = lights.iter().filter(|light| light.channel < MAX_LIGHTS);
-        let mut light_count = 0;
+        let (mut light_count, mut large_lights) = (0, 0);
         for (slot, light) in data.iter_mut().zip(usable) {
             *slot = light.into();
+            large_lights |= u32::from(settings.caps.is_some() && light.is_large()) << light_count;
             light_count += 1;
         }
         Self {
@@ -283,7 +303,8 @@ impl FrameUniform {
             bias_along: settings.bias.along,
             caps: u32::from(caps.is_some()),
             caps_origin: caps.unwrap_or_default().to_array(),
-            padding: [0; 2],
+            large_lights,
+            padding: 0,
             lights: data,
         }
     }

@@ -3,7 +3,7 @@
 use glam::{Mat4, UVec2};
 use thiserror::Error;
 
-use super::layout::{FrameUniform, InstanceData, sample_data};
+use super::layout::{FrameUniform, InstanceData, has_caps, has_rays, sample_data};
 use super::{FieldPool, caps_source, denoise_source, trace_source};
 use crate::estimate::caps::CapCombination;
 use crate::estimate::frame::{FrameLight, TraceSettings};
@@ -43,8 +43,8 @@ pub enum MissingCapability {
 /// ```
 #[derive(Debug)]
 pub struct OcclusionPasses {
-    /// By [`CapCombination`]: product, soft caps over 8 and over 16 directions.
-    caps: [wgpu::ComputePipeline; 3],
+    /// Without and with large lights; each by [`CapCombination`]: product, soft caps over 8 and over 16 directions.
+    caps: [[wgpu::ComputePipeline; 3]; 2],
     trace: wgpu::ComputePipeline,
     denoise_rows: wgpu::ComputePipeline,
     denoise_columns: wgpu::ComputePipeline,
@@ -130,10 +130,14 @@ impl OcclusionPasses {
                 cache: None,
             })
         };
-        let caps_pipeline =
-            |soft, directions| pipeline(&caps, "caps", &[("SOFT_CAPS", soft), ("DIRECTIONS", directions)]);
+        let caps_pipelines = |lights| {
+            [(0.0, 8.0), (1.0, 8.0), (1.0, 16.0)].map(|(soft, directions)| {
+                let constants = [("SOFT_CAPS", soft), ("DIRECTIONS", directions), ("LARGE_LIGHTS", lights)];
+                pipeline(&caps, "caps", &constants)
+            })
+        };
         Self {
-            caps: [caps_pipeline(0.0, 8.0), caps_pipeline(1.0, 8.0), caps_pipeline(1.0, 16.0)],
+            caps: [0.0, 1.0].map(caps_pipelines),
             trace: pipeline(&trace, "trace", &[]),
             denoise_rows: pipeline(&denoise, "denoise_rows", &[]),
             denoise_columns: pipeline(&denoise, "denoise_columns", &[]),
@@ -158,9 +162,14 @@ impl OcclusionPasses {
             return;
         }
         let settings = inputs.settings.clamped();
-        let caps = settings.caps.is_some() && inputs.instances.iter().any(InstanceData::has_caps);
-        let rays = !inputs.lights.is_empty()
-            || settings.ambient_rays > 0 && inputs.instances.iter().any(InstanceData::has_rays);
+        let any = |of: fn(&InstanceData) -> bool| inputs.instances.iter().any(of);
+        let large = settings.caps.is_some() && inputs.lights.iter().any(FrameLight::is_large);
+        let ambient_caps = settings.caps.is_some() && any(|instance| has_caps(instance.ambient_source));
+        let light_caps = large && any(|instance| has_caps(instance.light_source));
+        let caps = ambient_caps || light_caps;
+        let rays = settings.ambient_rays > 0 && any(|instance| has_rays(instance.ambient_source))
+            || inputs.lights.iter().any(|light| !(large && light.is_large())) && any(|instance| instance.entries > 0)
+            || large && any(|instance| has_rays(instance.light_source));
         // What has no noise needs no filter: alone, it goes where the result does.
         let needed = Needed { caps_texture: caps && rays, filter: rays || !caps };
         let count = inputs.instances.len() as u32;
@@ -184,10 +193,11 @@ impl OcclusionPasses {
             pass.dispatch_workgroups(size.x.div_ceil(WORKGROUP_SIDE), size.y.div_ceil(WORKGROUP_SIDE), 1);
         };
         if let Some(combination) = settings.caps.filter(|_| caps) {
+            let [product, over_8, over_16] = &self.caps[usize::from(light_caps)];
             let pipeline = match (combination, combination.directions()) {
-                (CapCombination::Product, _) => &self.caps[0],
-                (CapCombination::SoftCaps { .. }, 8) => &self.caps[1],
-                (CapCombination::SoftCaps { .. }, _) => &self.caps[2],
+                (CapCombination::Product, _) => product,
+                (CapCombination::SoftCaps { .. }, 8) => over_8,
+                (CapCombination::SoftCaps { .. }, _) => over_16,
             };
             let output = texture(caps_texture.as_ref().unwrap_or(inputs.output));
             run("field occlusion caps", pipeline, &[&surfaces, &occluders, &[output]]);

@@ -4,9 +4,10 @@ use glam::Affine3A;
 use range_alloc::RangeAllocator;
 use thiserror::Error;
 
-use super::layout::CapGridData;
+use super::layout::{CapGridData, cap_grid_words};
+use crate::field::cap_grid::HarmonicOrder;
 use crate::field::lookup::{Grid, TwoPointGrid};
-use crate::field::{BoundingEllipsoid, CapGrid, ChordTable, Encoding, VisibilityField};
+use crate::field::{BoundingEllipsoid, ChordTable, Encoding, VisibilityField};
 
 /// First size of the buffer in words: next to nothing, for scenes without fields.
 const FIRST_WORDS: u64 = 1024;
@@ -63,6 +64,8 @@ pub struct TableSlot {
 pub struct CapGridSlot {
     /// Where the grid starts, in headers: it is aligned to them.
     pub number: u32,
+    /// Harmonics per point.
+    pub order: HarmonicOrder,
     /// [`CapGrid::serves_inside`](crate::CapGrid::serves_inside)
     pub serves_inside: bool,
     /// From field space to that of the grid.
@@ -160,7 +163,7 @@ impl FieldPool {
             None => None,
         };
         let table = field.table().map_or(&[][..], ChordTable::bytes);
-        let texels = field.cap_grid().map_or(&[][..], CapGrid::words);
+        let texels = field.cap_grid().map(cap_grid_words).unwrap_or_default();
         // The table, then whole headers: that of the grid, and room for its points. All places are whole headers too, so that
         // a grid starts at one.
         let table_words = (table.len() as u64).div_ceil(4);
@@ -185,7 +188,7 @@ impl FieldPool {
         if let Some(grid) = field.cap_grid() {
             let header = CapGridData::new(grid, (header_start + HEADER_WORDS) as u32);
             queue.write_buffer(&self.buffer, header_start * 4, bytemuck::bytes_of(&header));
-            queue.write_buffer(&self.buffer, (header_start + HEADER_WORDS) * 4, bytemuck::cast_slice(texels));
+            queue.write_buffer(&self.buffer, (header_start + HEADER_WORDS) * 4, bytemuck::cast_slice(&texels));
         }
         self.statistics.uploads += 1;
         self.statistics.uploaded_bytes += words * 4;
@@ -198,6 +201,7 @@ impl FieldPool {
             }),
             cap_grid: field.cap_grid().zip(field.cap_from_field()).map(|(grid, cap_from_field)| CapGridSlot {
                 number: (header_start / HEADER_WORDS) as u32,
+                order: grid.header().format.order,
                 serves_inside: grid.serves_inside(),
                 cap_from_field,
             }),

@@ -1,16 +1,18 @@
-// The caps pass: ambient occlusion by cap grids, without rays and without noise. Twins: field/cap_grid/{warp,cap,mod,batch}.rs
+// The caps pass: ambient occlusion, and that of large lights, by cap grids, without rays and without noise. Twins: field/cap_grid/{warp,cap,mod,batch}.rs
 // and estimate/caps.rs, same names, same order of operations. Joined after frame.wgsl and instance.wgsl.
 
 // Points of the sphere (64 × ambient_rays), points of the disc (16 × shadow_rays), then one point of the sphere for each
 // direction along which caps are combined.
 @group(0) @binding(6) var<storage, read> samples: array<vec4<f32>>;
-// Ambient visibility in r; the other channels read as "no shadows".
+// Visibility, encoded.
 @group(0) @binding(7) var caps_texture: texture_storage_2d<rgba16float, write>;
 
 // How grids combine: as soft caps, or as a product; and over how many directions they are looked at. Constants, so that loops
 // over directions unroll, and what is kept for each of them stays in registers.
 override SOFT_CAPS: bool = true;
 override DIRECTIONS: u32 = 8u;
+// Whether there are lights to hide.
+override LARGE_LIGHTS: bool = false;
 
 const MAX_DIRECTIONS: u32 = 16u;
 const Y0: f32 = 0.2820948;
@@ -20,6 +22,7 @@ const SMALLEST_SOLID_ANGLE: f32 = 1.0e-6;
 const CUTOFF: f32 = 1.0 / 2040.0;
 const CONTACT_REACH: f32 = 0.06;
 const KNEE: f32 = 0.65;
+const CAP_SHARE: f32 = 0.75;
 const FARTHEST: f32 = 1.0e12;
 const SMALLEST_MEAN: f32 = 1.0e-4;
 const SMALLEST: f32 = 1.1754944e-38;
@@ -68,29 +71,36 @@ fn grid_point(grid: u32, far_position: vec3<f32>) -> GridPoint {
 }
 
 // Four bytes, or halves, of one grid point, as they are stored.
-fn texel(grid: u32, index: u32) -> vec4<f32> {
-    let first = cap_grids[grid].first_texel;
+fn texel(grid: u32, first: u32, index: u32) -> vec4<f32> {
     if cap_grids[grid].encoding == 0u {
         return unpack4x8unorm(tables[first + index]) * 255.0;
     }
     return vec4<f32>(unpack2x16float(tables[first + 2u * index]), unpack2x16float(tables[first + 2u * index + 1u]));
 }
 
-// The first four harmonics at a position, interpolated.
-fn harmonics_at(grid: u32, position: vec3<f32>) -> vec4<f32> {
-    let at = grid_point(grid, position);
+// Four harmonics at a position, interpolated: the first ones in plane 0.
+fn plane_at(grid: u32, plane: u32, at: GridPoint) -> vec4<f32> {
     let side = cap_grids[grid].points;
     let first = (u32(at.first.z) * side + u32(at.first.y)) * side + u32(at.first.x);
-    let near = layer(grid, first, side, at.fraction.xy);
-    let far = layer(grid, first + side * side, side, at.fraction.xy);
+    let texels = cap_grids[grid].first_texel + plane * cap_grids[grid].plane_words;
+    let near = layer(grid, texels, first, side, at.fraction.xy);
+    let far = layer(grid, texels, first + side * side, side, at.fraction.xy);
     let stored = between(near, far, at.fraction.z);
-    return (cap_grids[grid].low + cap_grids[grid].step * stored) * at.weight;
+    if plane == 0u {
+        return (cap_grids[grid].low + cap_grids[grid].step * stored) * at.weight;
+    }
+    return (numbers(texels - 8u) + numbers(texels - 4u) * stored) * at.weight;
+}
+
+// Four numbers of the pool.
+fn numbers(first: u32) -> vec4<f32> {
+    return bitcast<vec4<f32>>(vec4<u32>(tables[first], tables[first + 1u], tables[first + 2u], tables[first + 3u]));
 }
 
 // Between four points of the same z.
-fn layer(grid: u32, first: u32, side: u32, fraction: vec2<f32>) -> vec4<f32> {
-    let near = between(texel(grid, first), texel(grid, first + 1u), fraction.x);
-    let far = between(texel(grid, first + side), texel(grid, first + side + 1u), fraction.x);
+fn layer(grid: u32, texels: u32, first: u32, side: u32, fraction: vec2<f32>) -> vec4<f32> {
+    let near = between(texel(grid, texels, first), texel(grid, texels, first + 1u), fraction.x);
+    let far = between(texel(grid, texels, first + side), texel(grid, texels, first + side + 1u), fraction.x);
     return between(near, far, fraction.y);
 }
 
@@ -224,7 +234,7 @@ fn ambient(receiver: Receiver) -> Ambient {
     var open = receiver.normal * MEAN_COSINE;
     for (var i = 0u; i < frame.instance_count; i++) {
         let source = instances[i].ambient_source;
-        if source != AMBIENT_CAP_GRID && source != AMBIENT_CAP_GRID_WITH_RAYS_INSIDE {
+        if source != SOURCE_CAP_GRID && source != SOURCE_CAP_GRID_WITH_RAYS_INSIDE {
             continue;
         }
         let reach = reach_of(i, receiver.position);
@@ -233,10 +243,10 @@ fn ambient(receiver: Receiver) -> Ambient {
         }
         let grid = instances[i].cap_grid;
         let position = transform(instances[i].cap_from_world, vec4<f32>(receiver.position, 1.0));
-        if source == AMBIENT_CAP_GRID_WITH_RAYS_INSIDE && contains(grid, position) {
+        if source == SOURCE_CAP_GRID_WITH_RAYS_INSIDE && contains(grid, position) {
             continue;
         }
-        let harmonics = harmonics_at(grid, position);
+        let harmonics = plane_at(grid, 0u, grid_point(grid, position));
         let seen = cap(harmonics);
         let normal = unit(transform(instances[i].cap_from_world, vec4<f32>(receiver.normal, 0.0)));
         var occlusion = cap_occlusion(harmonics, seen, normal);
@@ -267,6 +277,85 @@ fn ambient(receiver: Receiver) -> Ambient {
     return Ambient(unit(open), 1.0 - visibility);
 }
 
+// Means of the Legendre polynomials of degrees 0 to 3 over a disc with this cosine of its half-angle.
+fn legendre_means(c: f32) -> vec4<f32> {
+    return vec4<f32>(1.0, (1.0 + c) * 0.5, c * (1.0 + c) * 0.5, (1.0 + c) * (5.0 * c * c - 1.0) * 0.125);
+}
+
+// By band, the sum of the products of sixteen harmonics with those of a unit direction.
+fn bands_along(planes: array<vec4<f32>, 4>, direction: vec3<f32>) -> vec4<f32> {
+    let x = direction.x;
+    let y = direction.y;
+    let z = direction.z;
+    let xx = x * x;
+    let yy = y * y;
+    let zz = z * z;
+    let band_0 = planes[0].x * Y0;
+    let band_1 = dot(planes[0].yzw, direction) * Y1;
+    let basis_2 = vec4<f32>(1.0925484 * x * y, 1.0925484 * y * z, 0.31539157 * (3.0 * zz - 1.0), 1.0925484 * x * z);
+    let band_2 = dot(planes[1], basis_2) + planes[2].x * (0.5462742 * (xx - yy));
+    let basis_3 = vec3<f32>(0.5900436 * y * (3.0 * xx - yy), 2.8906114 * x * y * z, 0.4570458 * y * (5.0 * zz - 1.0));
+    let basis_4 = vec4<f32>(
+        0.37317633 * z * (5.0 * zz - 3.0),
+        0.4570458 * x * (5.0 * zz - 1.0),
+        1.4453057 * z * (xx - yy),
+        0.5900436 * x * (xx - 3.0 * yy),
+    );
+    return vec4<f32>(band_0, band_1, band_2, dot(planes[2].yzw, basis_3) + dot(planes[3], basis_4));
+}
+
+// Cap::light_occlusion
+fn cap_light_occlusion(seen: Cap, axis: vec3<f32>, half_angle: f32) -> f32 {
+    let own = acos(clamp(seen.cosine, -1.0, 1.0));
+    let apart = acos(clamp(dot(seen.axis, axis), -1.0, 1.0));
+    let light_depth = max(1.0 - cos(half_angle), SMALLEST);
+    let largest = min((1.0 - seen.cosine) / light_depth, 1.0);
+    let within = abs(own - half_angle);
+    let beside = own + half_angle;
+    let t = clamp((beside - apart) / max(beside - within, SMALLEST), 0.0, 1.0);
+    return seen.opacity * largest * t * t * (3.0 - 2.0 * t);
+}
+
+fn light_occlusion(planes: array<vec4<f32>, 4>, axis: vec3<f32>, half_angle: f32) -> f32 {
+    let seen = cap(planes[0]);
+    // The cap's own bands along the axis, by the addition theorem.
+    let x = dot(seen.axis, axis);
+    let legendre = vec4<f32>(1.0, 3.0 * x, 2.5 * (3.0 * x * x - 1.0), 3.5 * x * (5.0 * x * x - 3.0)) / (2.0 * TAU);
+    let solid_angle = TAU * (1.0 - seen.cosine);
+    let of_cap = legendre * legendre_means(seen.cosine) * (CAP_SHARE * seen.opacity * solid_angle);
+    let known = bands_along(planes, axis) - of_cap;
+    let beyond = CAP_SHARE * cap_light_occlusion(seen, axis, half_angle);
+    let occlusion = dot(known, legendre_means(cos(half_angle))) + beyond;
+    return select(0.0, min(occlusion, 1.0), occlusion > 0.0);
+}
+
+// What is seen of a large light.
+fn light_visibility(receiver: Receiver, light: Light) -> f32 {
+    if dot(receiver.normal, light.axis) <= 0.0 {
+        return 1.0;
+    }
+    let half_angle = atan2(light.sine, light.cosine);
+    var visibility = 1.0;
+    for (var i = 0u; i < frame.instance_count; i++) {
+        let to_center = instances[i].center - receiver.position;
+        let radius = instances[i].radius;
+        if !above_surface(to_center, radius, receiver.normal)
+            || !meets_cone(to_center, radius, light)
+            || !has_caps(instances[i].light_source, i, receiver.position) {
+            continue;
+        }
+        let grid = instances[i].cap_grid;
+        let at = grid_point(grid, transform(instances[i].cap_from_world, vec4<f32>(receiver.position, 1.0)));
+        var planes = array<vec4<f32>, 4>();
+        for (var plane = 0u; plane < 4u; plane++) {
+            planes[plane] = plane_at(grid, plane, at);
+        }
+        let axis = unit(transform(instances[i].cap_from_world, vec4<f32>(light.axis, 0.0)));
+        visibility *= 1.0 - above_cutoff(light_occlusion(planes, axis, half_angle));
+    }
+    return visibility;
+}
+
 @compute @workgroup_size(8, 8)
 fn caps(@builtin(global_invocation_id) id: vec3<u32>) {
     let pixel = id.xy;
@@ -274,9 +363,14 @@ fn caps(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let receiver = receiver_at(pixel);
-    var occlusion = 0.0;
+    var visibility = vec4<f32>(1.0);
     if receiver.depth > 0.0 {
-        occlusion = ambient(receiver).occlusion;
+        visibility.x = 1.0 - ambient(receiver).occlusion;
+        for (var l = 0u; LARGE_LIGHTS && l < frame.light_count; l++) {
+            if is_large(l) {
+                visibility[frame.lights[l].channel + 1u] = light_visibility(receiver, frame.lights[l]);
+            }
+        }
     }
-    textureStore(caps_texture, pixel + frame.caps_origin, vec4<f32>(1.0 - occlusion, 0.0, 0.0, 1.0));
+    textureStore(caps_texture, pixel + frame.caps_origin, encode(visibility));
 }

@@ -4,7 +4,7 @@
 // Occlusion: ambient, and lights 0, 1, 2.
 @group(0) @binding(3) var noisy_texture: texture_2d<f32>;
 @group(0) @binding(4) var output_texture: texture_storage_2d<rgba16float, write>;
-// Ambient visibility by cap grids, which has no noise. Some other texture where that pass does not run.
+// What cap grids give, which has no noise, encoded as the output. Some other texture where that pass does not run.
 @group(0) @binding(5) var caps_texture: texture_2d<f32>;
 
 // Taps to either side.
@@ -65,9 +65,6 @@ fn denoise_rows(@builtin(global_invocation_id) id: vec3<u32>) {
     textureStore(output_texture, pixel, denoise_line(pixel, vec2<i32>(1, 0)));
 }
 
-// Ends with the encoding that Bevy's lighting reads: r is ambient visibility; g and b are the occlusion of lights 0 and 1;
-// a is the visibility of light 2. A texture with only a red channel therefore reads as "no shadows" (textureLoad fills in
-// 0, 0, 1).
 @compute @workgroup_size(8, 8)
 fn denoise_columns(@builtin(global_invocation_id) id: vec3<u32>) {
     let pixel = id.xy;
@@ -75,10 +72,9 @@ fn denoise_columns(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let occlusion = clamp(denoise_line(pixel, vec2<i32>(0, 1)), vec4<f32>(0.0), vec4<f32>(1.0));
-    var visibility = 1.0 - occlusion.x;
+    var visibility = 1.0 - occlusion;
     if frame.caps != 0u {
-        visibility *= textureLoad(caps_texture, pixel, 0).x;
+        visibility *= decode(textureLoad(caps_texture, pixel, 0));
     }
-    let encoded = vec4<f32>(visibility, occlusion.y, occlusion.z, 1.0 - occlusion.w);
-    textureStore(output_texture, pixel + frame.viewport_origin, encoded);
+    textureStore(output_texture, pixel + frame.viewport_origin, encode(visibility));
 }

@@ -20,7 +20,9 @@ struct Frame {
     caps: u32,
     // First pixel of what the caps pass writes.
     caps_origin: vec2<u32>,
-    padding: vec2<u32>,
+    // A bit for each light that cap grids hide.
+    large_lights: u32,
+    padding: u32,
     lights: array<Light, MAX_LIGHTS>,
 }
 
@@ -60,4 +62,14 @@ fn receiver_at(pixel: vec2<u32>) -> Receiver {
     let depth = textureLoad(depth_texture, texel, 0);
     let normal = textureLoad(normal_texture, texel, 0).xyz * 2.0 - 1.0;
     return Receiver(position_at(vec2<f32>(pixel), depth), normalize(normal), depth);
+}
+
+// Visibility as Bevy's lighting reads it: r is that of ambient light; g and b are the occlusion of lights 0 and 1; a is the
+// visibility of light 2. A texture with only a red channel therefore reads as "no shadows" (textureLoad fills in 0, 0, 1).
+fn encode(visibility: vec4<f32>) -> vec4<f32> {
+    return vec4<f32>(visibility.x, 1.0 - visibility.y, 1.0 - visibility.z, visibility.w);
+}
+
+fn decode(encoded: vec4<f32>) -> vec4<f32> {
+    return encode(encoded);
 }

@@ -1,9 +1,9 @@
 // Occluders, and what any pass asks of them. Twin: scene.rs. Joined after frame.wgsl.
 
-// Which part of a field answers ambient occlusion (layout::ambient_source_number).
-const AMBIENT_RAYS: u32 = 1u;
-const AMBIENT_CAP_GRID: u32 = 2u;
-const AMBIENT_CAP_GRID_WITH_RAYS_INSIDE: u32 = 3u;
+// Which part of a field is asked (layout::source_number).
+const SOURCE_RAYS: u32 = 1u;
+const SOURCE_CAP_GRID: u32 = 2u;
+const SOURCE_CAP_GRID_WITH_RAYS_INSIDE: u32 = 3u;
 
 // Layout: gpu/layout.rs, `InstanceData`.
 struct Instance {
@@ -21,9 +21,10 @@ struct Instance {
     // The number of its cap grid.
     cap_grid: u32,
     ambient_source: u32,
-    // 0: evenly scaled, 1: looked at along a few directions.
+    // 0: evenly scaled, 1: its caps are mapped.
     stretched: f32,
-    padding: u32,
+    // Of lights as large as cap grids can hide.
+    light_source: u32,
 }
 
 @group(0) @binding(3) var<storage, read> tables: array<u32>;
@@ -73,11 +74,12 @@ struct CapGrid {
     // First word of its points.
     first_texel: u32,
     curvature: vec3<f32>,
-    padding: u32,
+    // Words from the points of four coefficients to those of the next four.
+    plane_words: u32,
     inverse_extent: vec3<f32>,
-    padding_2: u32,
+    padding: u32,
     half_extents: vec3<f32>,
-    padding_3: u32,
+    padding_2: u32,
     // What 0 and a step of the first four coefficients stand for.
     low: vec4<f32>,
     step: vec4<f32>,
@@ -91,14 +93,42 @@ fn contains(grid: u32, position: vec3<f32>) -> bool {
     return all(abs(position) <= cap_grids[grid].half_extents);
 }
 
-// Whether rays are sent for ambient occlusion, to a receiver at a position of the world.
-fn has_rays(instance: u32, position: vec3<f32>) -> bool {
-    switch instances[instance].ambient_source {
-        case AMBIENT_RAYS: { return true; }
-        case AMBIENT_CAP_GRID_WITH_RAYS_INSIDE: {
-            let local = transform(instances[instance].cap_from_world, vec4<f32>(position, 1.0));
-            return contains(instances[instance].cap_grid, local);
-        }
+// Whether a receiver at a position of the world lies inside the box of an instance's cap grid.
+fn in_box(instance: u32, position: vec3<f32>) -> bool {
+    return contains(instances[instance].cap_grid, transform(instances[instance].cap_from_world, vec4<f32>(position, 1.0)));
+}
+
+// Whether rays are sent to an instance that is asked so, from a receiver at a position of the world.
+fn has_rays(source: u32, instance: u32, position: vec3<f32>) -> bool {
+    switch source {
+        case SOURCE_RAYS: { return true; }
+        case SOURCE_CAP_GRID_WITH_RAYS_INSIDE: { return in_box(instance, position); }
         default: { return false; }
     }
+}
+
+// Whether the cap grid of an instance that is asked so is, from a receiver at a position of the world.
+fn has_caps(source: u32, instance: u32, position: vec3<f32>) -> bool {
+    switch source {
+        case SOURCE_CAP_GRID: { return true; }
+        case SOURCE_CAP_GRID_WITH_RAYS_INSIDE: { return !in_box(instance, position); }
+        default: { return false; }
+    }
+}
+
+// Whether a light is hidden by cap grids.
+fn is_large(light: u32) -> bool {
+    return ((frame.large_lights >> light) & 1u) != 0u;
+}
+
+// Whether a sphere can block any ray of the receiver's hemisphere.
+fn above_surface(to_center: vec3<f32>, radius: f32, normal: vec3<f32>) -> bool {
+    return dot(to_center, normal) > -radius;
+}
+
+// Whether a sphere can block any ray towards the light's disc: whether it meets the cone of those rays.
+fn meets_cone(to_center: vec3<f32>, radius: f32, light: Light) -> bool {
+    let along = dot(to_center, light.axis);
+    let across = length(to_center - light.axis * along);
+    return along > -radius && across * light.cosine - along * light.sine < radius;
 }

@@ -26,18 +26,6 @@ fn disc_direction(light: Light, point: vec2<f32>) -> vec3<f32> {
     return normalize(light.axis + light.tangent * point.x + light.bitangent * point.y);
 }
 
-// Whether a sphere can block any ray of the receiver's hemisphere.
-fn above_surface(to_center: vec3<f32>, radius: f32, normal: vec3<f32>) -> bool {
-    return dot(to_center, normal) > -radius;
-}
-
-// Whether a sphere can block any ray towards the light's disc: whether it meets the cone of those rays.
-fn meets_cone(to_center: vec3<f32>, radius: f32, light: Light) -> bool {
-    let along = dot(to_center, light.axis);
-    let across = length(to_center - light.axis * along);
-    return along > -radius && across * light.cosine - along * light.sine < radius;
-}
-
 @compute @workgroup_size(8, 8)
 fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let pixel = id.xy;
@@ -66,6 +54,12 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
         if instances[i].entries == 0u || !above_surface(to_center, radius, receiver.normal) {
             continue;
         }
+        let within_reach = length(to_center) - radius < frame.max_distance;
+        let asked = frame.ambient_rays > 0u && within_reach;
+        let ambient = asked && has_rays(instances[i].ambient_source, i, receiver.position);
+        if !ambient && frame.light_count == 0u {
+            continue;
+        }
         let shape = TableShape(
             instances[i].first_byte,
             instances[i].entries,
@@ -74,8 +68,7 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
         );
         let origin = transform(instances[i].field_from_world, vec4<f32>(receiver.position, 1.0));
         let normal = field_normal(instances[i], receiver.normal);
-        let within_reach = length(to_center) - radius < frame.max_distance;
-        if frame.ambient_rays > 0u && within_reach && has_rays(i, receiver.position) {
+        if ambient {
             for (var ray = 0u; ray < frame.ambient_rays; ray++) {
                 if (ambient_blocked & (1u << ray)) != 0u {
                     continue;
@@ -91,6 +84,9 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
         for (var l = 0u; l < frame.light_count; l++) {
             let light = frame.lights[l];
             if dot(receiver.normal, light.axis) <= 0.0 || !meets_cone(to_center, radius, light) {
+                continue;
+            }
+            if is_large(l) && !has_rays(instances[i].light_source, i, receiver.position) {
                 continue;
             }
             for (var ray = 0u; ray < frame.shadow_rays; ray++) {

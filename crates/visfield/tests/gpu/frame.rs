@@ -3,7 +3,7 @@
 use glam::{DAffine3, DVec3, EulerRot, Mat4, UVec2, Vec3, Vec4, dvec3, uvec2, vec3};
 use visfield::estimate::caps::CapCombination;
 use visfield::estimate::frame::{FrameLight, GeometryBuffer, TraceSettings, occlusion};
-use visfield::field::cap_grid::{self, CapGridError, CapGridFormat, CapGridHeader, CapPrecision};
+use visfield::field::cap_grid::{self, CapGridError, CapGridFormat, CapGridHeader, CapPrecision, HarmonicOrder};
 use visfield::field::{FieldParts, VisibilityField, ball_field};
 use visfield::gpu::layout::InstanceData;
 use visfield::gpu::{FieldPool, FrameInputs, OUTPUT_FORMAT, OcclusionPasses, OcclusionView};
@@ -292,18 +292,33 @@ fn the_passes_compute_what_their_twins_compute() {
     assert!(differing <= frames[0].len() / 200, "{differing} pixels differ");
 }
 
-/// Balls with a cap grid alone, with both parts, and with a grid that must not be asked inside its box, and a table alone.
+/// Balls with a cap grid alone, with both parts, with a grid that must not be asked inside its box, with a table alone, and
+/// with grids that hide large lights: alone, and not inside its box.
 fn caps_of_all_kinds() -> Vec<VisibilityField> {
-    let header = CapGridHeader { half_extents: [0.5; 3], ..CapGridHeader::default() };
-    let halves = CapGridFormat { precision: CapPrecision::F16, points: 9, ..CapGridFormat::DEFAULT };
-    let caps = |header: CapGridHeader| Some(cap_grid::ball(header));
     let table = ball_field(0.5, 33, 16);
-    let field = |parts: FieldParts| VisibilityField::new(table.header().clone(), parts).unwrap();
-    let both =
-        FieldParts { cap_grid: caps(CapGridHeader { format: halves, ..header.clone() }), ..table.parts().clone() };
-    let untrusted = CapGridHeader { error: Some(CapGridError { outside: 0.0, inside: 1.0 }), ..header.clone() };
-    let outside_only = FieldParts { cap_grid: caps(untrusted), ..table.parts().clone() };
-    vec![field(FieldParts { cap_grid: caps(header), table: None }), field(both), field(outside_only), table.clone()]
+    let grid = |order: HarmonicOrder, precision, points, inside| {
+        let numbers = vec![0.0; order.coefficients()];
+        Some(cap_grid::ball(CapGridHeader {
+            format: CapGridFormat { order, precision, points, ..CapGridFormat::DEFAULT },
+            half_extents: [0.5; 3],
+            error: Some(CapGridError { outside: 0.0, inside }),
+            low: numbers.clone(),
+            range: numbers,
+            ..CapGridHeader::default()
+        }))
+    };
+    let (one, three) = (HarmonicOrder::One, HarmonicOrder::Three);
+    let (bytes, halves) = (CapPrecision::U8, CapPrecision::F16);
+    let with_table = table.table().cloned();
+    let parts = [
+        FieldParts { cap_grid: grid(one, bytes, 16, 0.0), table: None },
+        FieldParts { cap_grid: grid(one, halves, 9, 0.0), table: with_table.clone() },
+        FieldParts { cap_grid: grid(one, bytes, 16, 1.0), table: with_table.clone() },
+        FieldParts { cap_grid: None, table: with_table.clone() },
+        FieldParts { cap_grid: grid(three, bytes, 16, 0.0), table: None },
+        FieldParts { cap_grid: grid(three, halves, 9, 1.0), table: with_table },
+    ];
+    parts.map(|parts| VisibilityField::new(table.header().clone(), parts).unwrap()).into()
 }
 
 #[test]
@@ -320,6 +335,8 @@ fn the_caps_pass_computes_what_its_twin_computes() {
         (2, moved(0.2, -1.6, -2.0)),
         (3, moved(-1.2, -1.5, -2.0)),
         (0, moved(1.6, -1.4, -2.4)),
+        (4, moved(-0.3, -1.2, -1.4)),
+        (5, moved(0.8, -1.6, -3.2)),
     ];
     let all = Occluders::new(caps_of_all_kinds(), instances);
     let alone = Occluders::new(caps_of_all_kinds(), [instances[0], instances[1], instances[4]]);
@@ -344,6 +361,28 @@ fn the_caps_pass_computes_what_its_twin_computes() {
             assert!(differing <= frames[0].len() / 200, "{combination:?}: {differing} pixels differ");
         }
     }
+}
+
+#[test]
+fn caps_hide_large_lights() {
+    let Some((device, queue)) = device() else { return };
+    let instances = [(4, moved(-0.3, -1.0, -1.6)), (4, squeezed()), (5, moved(0.2, -1.6, -2.4))];
+    let occluders = Occluders::new(caps_of_all_kinds(), instances);
+    let alone = Occluders::new(caps_of_all_kinds(), [instances[0], instances[1]]);
+    let [large, small] = lights();
+    assert!(large.is_large() && !small.is_large());
+    let caps = Some(CapCombination::default());
+    let settings = TraceSettings { caps, ambient_rays: 5, shadow_rays: 3, ..TraceSettings::default() };
+    for (occluders, lights) in [(&occluders, &[large, small][..]), (&occluders, &[large]), (&alone, &[large])] {
+        let frames = frames(&device, &queue, occluders, lights, settings);
+        let (touched, differing) = compare(&frames);
+        assert!(touched[0] > 200 && touched[3] > 50, "the frame shows something: {touched:?}");
+        assert!(differing <= frames[0].len() / 200, "{differing} pixels differ");
+    }
+    // Without caps they are hidden by rays, or not at all.
+    let by_rays = TraceSettings { caps: None, ..settings };
+    let [_, unhidden] = frames(&device, &queue, &alone, &[large], by_rays);
+    assert!(unhidden.iter().all(|pixel| pixel.w == 1.0));
 }
 
 #[test]
