@@ -1,5 +1,6 @@
 //! GPU against CPU twin: layouts, table indices, whole passes, and the pool.
 
+mod caps;
 mod device;
 mod frame;
 mod layout;
