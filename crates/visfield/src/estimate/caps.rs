@@ -332,12 +332,13 @@ pub fn ambient(occluders: &[CapOccluder], position: Vec3, normal: Vec3, settings
         one
     };
     let (positions, normals) = (one(position), one(normal));
+    let points = sphere_samples(settings.combination.directions() as u32);
     let [answer] = match settings.combination {
-        CapCombination::Product => block::<1, 8, false>(occluders, &positions, &normals, settings),
+        CapCombination::Product => block::<1, 8, false>(occluders, &positions, &normals, settings, &points),
         CapCombination::SoftCaps { directions: 12.. } => {
-            block::<1, 16, true>(occluders, &positions, &normals, settings)
+            block::<1, 16, true>(occluders, &positions, &normals, settings, &points)
         }
-        CapCombination::SoftCaps { .. } => block::<1, 8, true>(occluders, &positions, &normals, settings),
+        CapCombination::SoftCaps { .. } => block::<1, 8, true>(occluders, &positions, &normals, settings, &points),
     };
     answer
 }
@@ -358,30 +359,34 @@ impl<const K: usize, const SOFT: bool> NullaryFnOnce for Combined<Work<'_>, K, S
     #[inline(always)]
     fn call(self) {
         let Work { scene, receivers, settings, answers } = self.0;
+        let points = sphere_samples(K as u32);
         for (receivers, answers) in receivers.chunks(LANES).zip(answers.chunks_mut(LANES)) {
             let (mut positions, mut normals) = (Vectors::<LANES>::ZERO, Vectors::<LANES>::ZERO);
             for (lane, receiver) in receivers.iter().enumerate() {
                 positions.set(lane, (receiver.position - scene.origin).as_vec3());
                 normals.set(lane, receiver.normal);
             }
-            let found = block::<LANES, K, SOFT>(&scene.occluders, &positions, &normals, settings);
+            let found = block::<LANES, K, SOFT>(&scene.occluders, &positions, &normals, settings, &points);
             answers.copy_from_slice(&found[..answers.len()]);
         }
     }
 }
 
-/// N receivers at once, over K directions.
+/// N receivers at once, over K directions, which are those from the normals to as many points of the sphere.
 #[inline(always)]
 fn block<const N: usize, const K: usize, const SOFT: bool>(
     occluders: &[CapOccluder],
     positions: &Vectors<N>,
     normals: &Vectors<N>,
     settings: &CapSettings,
+    points: &[Vec3],
 ) -> [CapAmbient; N] {
     let mut directions = [Vectors::<N>::ZERO; K];
-    for (directions, point) in directions.iter_mut().zip(sphere_samples(K as u32)) {
-        for lane in 0..N {
-            directions.set(lane, cosine_direction(normals.get(lane), point));
+    if SOFT {
+        for k in 0..K {
+            for lane in 0..N {
+                directions[k].set(lane, cosine_direction(normals.get(lane), points[k]));
+            }
         }
     }
     // In each direction; objects that are not told apart by direction all in the first.

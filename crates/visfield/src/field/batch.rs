@@ -125,27 +125,7 @@ impl<G: ChordGrid, A, F: Fn(f32, &Ray) -> A, S: Fn(&Ray) -> A, const AIMED: bool
     }
 }
 
-/// A vector for each lane, by components.
-#[derive(Clone, Copy)]
-struct Vectors {
-    x: Lanes<f32>,
-    y: Lanes<f32>,
-    z: Lanes<f32>,
-}
-
-impl Vectors {
-    const ZERO: Self = Self { x: [0.0; LANES], y: [0.0; LANES], z: [0.0; LANES] };
-
-    #[inline(always)]
-    fn get(&self, lane: usize) -> Vec3 {
-        Vec3::new(self.x[lane], self.y[lane], self.z[lane])
-    }
-
-    #[inline(always)]
-    fn set(&mut self, lane: usize, v: Vec3) {
-        (self.x[lane], self.y[lane], self.z[lane]) = (v.x, v.y, v.z);
-    }
-}
+type Vectors = super::lanes::Vectors<LANES>;
 
 /// Rays by components. Lanes without a ray have a zero direction, which hits nothing.
 struct Block {

@@ -5,6 +5,7 @@
 
 mod answers;
 mod batches;
+mod caps;
 mod double;
 mod fields;
 mod motion;
