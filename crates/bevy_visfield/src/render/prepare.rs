@@ -128,8 +128,8 @@ fn place_occluders(
         }
         if slot.table().is_none() && (!caps || !lights.is_empty()) {
             warn_once!(
-                "a visibility field has a cap grid and no table: it casts no shadows, and ambient occlusion only where the \
-                 estimator is OcclusionEstimator::CapGrid. Bake it with `--representation two-point,cap-grid`."
+                "a visibility field has a cap grid and no table: it casts no shadows, and occludes ambient light only for \
+                 cameras whose FieldOcclusion takes it from cap grids. Bake it with `--representation two-point,cap-grid`."
             );
         }
         Some(InstanceData::new(slot, &placement?, caps))
