@@ -139,7 +139,9 @@ pub enum OcclusionEstimator {
     /// Cap grids for [`Low`](FieldOcclusionQuality::Low) and [`Medium`](FieldOcclusionQuality::Medium), rays for the others.
     #[default]
     ByQuality,
-    /// Cap grids: one interpolated read per pixel and object near it. No noise, no filter.
+    /// Cap grids: one interpolated read per pixel and object near it. No noise, no filter. Objects are combined as if they hid
+    /// each other by chance at [`Low`](FieldOcclusionQuality::Low), along 16 directions at
+    /// [`High`](FieldOcclusionQuality::High) and [`Ultra`](FieldOcclusionQuality::Ultra), and along 8 otherwise.
     CapGrid,
     /// Rays through tables. More accurate on an object's own surface and in contact, at many times the cost; the noise is
     /// filtered. A field without a table does not occlude ambient light.

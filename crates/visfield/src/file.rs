@@ -28,7 +28,7 @@ pub const MAGIC: [u8; 8] = *b"\x89VFIELD\n";
 /// The format version that this build reads and writes.
 pub const VERSION: u32 = 3;
 /// Largest index that is accepted, in bytes: room for thousands of fields.
-pub const MAX_INDEX_BYTES: u32 = 1 << 20;
+pub const MAX_INDEX_BYTES: u32 = 1 << 22;
 
 /// Deflate cannot expand more than this (RFC 1951: a 258-byte match takes at least two bits), so a part that claims more
 /// than this times its compressed size is a lie.
@@ -68,7 +68,7 @@ pub enum DecodeError {
     #[error("the checksum does not match: the file is damaged; copy or bake it again")]
     Checksum,
     /// The index is larger than [`MAX_INDEX_BYTES`].
-    #[error("an index of {bytes} bytes is over the limit of {MAX_INDEX_BYTES}")]
+    #[error("an index of {bytes} bytes is over the limit of {MAX_INDEX_BYTES}; bake the meshes into several files")]
     IndexTooLarge {
         /// The size claimed, in bytes.
         bytes: u32,
@@ -614,5 +614,13 @@ mod tests {
     fn representation_names_are_stable() {
         let json = serde_json::to_string(&Representation::TwoPoint { entries: 65, exits: 32 }).unwrap();
         assert_eq!(json, r#"{"two-point":{"entries":65,"exits":32}}"#);
+    }
+
+    #[test]
+    fn thousands_of_fields_fit_one_file() {
+        let format = CapGridFormat { points: 4, ..CapGridFormat::DEFAULT };
+        let fields: Vec<_> =
+            (0..4000).map(|index| with_caps(&format!("Mesh{index}/Primitive0"), format, true)).collect();
+        assert_eq!(decode(&encode(&fields)).unwrap().len(), fields.len());
     }
 }

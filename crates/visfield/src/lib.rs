@@ -1,13 +1,14 @@
-//! Visibility fields: *is anything in the way between this point and that direction?*, answered by table look-ups.
+//! Visibility fields: *is anything in the way between this point and that direction?*, answered by look-ups, not triangles.
 //!
 //! A [`VisibilityField`] is baked once per rigid mesh (crate `visfield_bake`) and shared by all its instances, under any
 //! invertible affine transform. The data's path through this crate:
 //!
 //! 1. [`file`](mod@file) decodes a field from untrusted bytes, and encodes it,
-//! 2. [`field`] answers single rays and batches in *field space*, where the mesh's bounding ellipsoid is the unit sphere,
+//! 2. [`field`] answers single rays and batches in *field space*, where the mesh's bounding ellipsoid is the unit sphere, by a
+//!    field's table; and ambient occlusion without rays by its [cap grid](CapGrid),
 //! 3. [`scene`] places instances of fields in a world,
 //! 4. [`raycast`] answers a game's own rays against a whole scene,
-//! 5. [`estimate`] turns many rays into ambient occlusion and sun visibility on the CPU,
+//! 5. [`estimate`] turns many rays into ambient occlusion and sun visibility on the CPU, and combines the cap grids of a scene,
 //! 6. [`gpu`](mod@gpu) (feature `gpu`) does the same for every pixel of a frame, in plain WGSL compute passes.
 //!
 //! *Occlusion* is 0 where nothing is in the way and 1 where everything is; *visibility* is 1 − occlusion.

@@ -124,7 +124,7 @@ pub enum BakeError {
     #[error("these settings cannot be baked: {0}")]
     Settings(#[from] FieldError),
     /// What is measured is the table, and the field has none.
-    #[error("{name}: there is no table to measure; bake the field with one")]
+    #[error("{name}: there is no table to measure; bake the field with one, as `--representation two-point` does")]
     NoTable {
         /// The field's name.
         name: String,

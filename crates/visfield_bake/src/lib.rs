@@ -6,7 +6,7 @@
 //! 2. [`mesh`] checks that a triangle soup can be baked,
 //! 3. [`bounds`] finds the sphere or ellipsoid that becomes the unit sphere of field space,
 //! 4. [`triangles`] answers exact rays (crate `obvhs`; no other module knows it),
-//! 5. [`bake`](mod@bake) traces every chord of the table.
+//! 5. [`bake`](mod@bake) traces every chord of the table, and fits the cap grid to what is seen from around the mesh.
 //!
 //! [`tune`](mod@tune) chooses the table by measuring what it gets wrong on that very mesh.
 //!

@@ -86,14 +86,7 @@ pub(super) fn prepare_frames(
             output,
             viewport: (view.viewport.xy(), viewport_size),
             world_from_clip: relative_world_from_clip(view, jitter, viewport_size),
-            instances: place_occluders(
-                &residency,
-                &occluders,
-                layers,
-                camera_position,
-                settings.caps.is_some(),
-                &lights,
-            ),
+            instances: place_occluders(&residency, &occluders, layers, camera_position, &settings, &lights),
             lights,
             settings,
         });
@@ -115,9 +108,11 @@ fn place_occluders(
     occluders: &ExtractedOccluders,
     camera_layers: &RenderLayers,
     camera_position: DVec3,
-    caps: bool,
+    settings: &TraceSettings,
     lights: &[FrameLight],
 ) -> Vec<InstanceData> {
+    let caps = settings.caps.is_some();
+    let ambient = caps || settings.ambient_rays > 0;
     let place = |occluder: &ExtractedOccluder| {
         let slot = residency.slot(occluder.field)?;
         let placement = Placement::new(slot.bounds(), occluder.world_from_mesh.as_daffine3(), camera_position);
@@ -129,10 +124,11 @@ fn place_occluders(
         }
         let hides_large_lights = slot.cap_grid().is_some_and(|grid| caps && grid.order == HarmonicOrder::Three);
         let casts = |light: &FrameLight| slot.table().is_some() || hides_large_lights && light.is_large();
-        if slot.table().is_none() && !(caps && lights.iter().all(casts)) {
+        let occludes = !ambient || caps;
+        if slot.table().is_none() && !(occludes && lights.iter().all(casts)) {
             warn_once!(
                 "a visibility field has a cap grid and no table: it casts no shadows (but of large lights, with `--order 3`), \
-                 and ambient occlusion only where the estimator is OcclusionEstimator::CapGrid. Bake it with \
+                 and occludes ambient light only for cameras whose FieldOcclusion takes it from cap grids. Bake it with \
                  `--representation two-point,cap-grid`."
             );
         }

@@ -195,9 +195,19 @@ impl OcclusionSource {
         matches!(self, Self::CapGrid | Self::CapGridWithRaysInside)
     }
 
-    /// Whether rays are sent to a receiver inside the mesh's bounding box, or outside.
-    pub fn has_rays(self, inside: bool) -> bool {
-        self == Self::Rays || self == Self::CapGridWithRaysInside && inside
+    /// Whether rays are sent from anywhere.
+    pub fn has_rays(self) -> bool {
+        matches!(self, Self::Rays | Self::CapGridWithRaysInside)
+    }
+
+    /// Which share of a receiver's rays is sent, where the grid's [inside share](CapGrid::inside_share) is given. What is not
+    /// sent, the grid answers, if it is asked at all.
+    pub fn share_of_rays(self, inside_share: f32) -> f32 {
+        match self {
+            Self::None | Self::CapGrid => 0.0,
+            Self::Rays => 1.0,
+            Self::CapGridWithRaysInside => inside_share,
+        }
     }
 }
 
@@ -225,17 +235,18 @@ impl<'a> CapOccluder<'a> {
         &self.placement
     }
 
-    /// How much of a disc of the sky it hides, as [`CapGrid::light_occlusion`] has it, from 0 to 1. Where the scale is uneven, the
+    /// How much of a disc of the sky it hides, as [`CapGrid::light_occlusion`] has it, from 0 to 1, less what is left to rays. Where the scale is uneven, the
     /// disc is taken for one of the same size in the mesh's space.
     pub(super) fn light_occlusion(&self, position: Vec3, axis: Vec3, half_angle: f32) -> f32 {
-        let local = self.cap.cap_from_world;
-        let axis = unit(local.transform_vector3(axis));
-        above_cutoff(self.grid.light_occlusion(local.transform_point3(position), axis, half_angle))
+        let map = self.cap.cap_from_world;
+        let (local, axis) = (map.transform_point3(position), unit(map.transform_vector3(axis)));
+        let left = if self.rays_inside { 1.0 - self.grid.inside_share(local) } else { 1.0 };
+        above_cutoff(self.grid.light_occlusion(local, axis, half_angle) * left)
     }
 
-    /// Whether a receiver is left to rays.
-    pub(super) fn leaves_to_rays(&self, position: Vec3) -> bool {
-        self.rays_inside && self.grid.contains(self.cap.cap_from_world.transform_point3(position))
+    /// The [inside share](CapGrid::inside_share) of a receiver.
+    pub(super) fn inside_share(&self, position: Vec3) -> f32 {
+        self.grid.inside_share(self.cap.cap_from_world.transform_point3(position))
     }
 }
 
@@ -309,18 +320,21 @@ impl<'a> CapScene<'a> {
 const INSIDE_RAYS: u32 = 64;
 
 impl CapScene<'_> {
-    /// Adds the occlusion of objects that leave this receiver to rays.
+    /// Adds the occlusion of objects that leave this receiver to rays, or the share of it that they leave.
     fn with_rays_inside(&self, found: CapAmbient, position: Vec3, normal: Vec3, settings: &CapSettings) -> CapAmbient {
-        let around = self.occluders.iter().filter(|occluder| occluder.leaves_to_rays(position));
-        let placed: Vec<_> = around.map(|occluder| (occluder.placement, occluder.field)).collect();
-        if placed.is_empty() {
-            return found;
+        let mut visibility = 1.0 - found.occlusion;
+        for occluder in self.occluders.iter().filter(|occluder| occluder.rays_inside) {
+            let share = occluder.inside_share(position);
+            if share > 0.0 {
+                let placed = (occluder.placement, occluder.field);
+                let facing = FacingOccluder::new(&placed, position, normal);
+                let samples = sphere_samples(INSIDE_RAYS).into_iter();
+                let directions = samples.map(|sample| cosine_direction(normal, sample)).collect();
+                visibility *=
+                    1.0 - share * blocked_share(&[facing], directions, settings.max_distance, Bias::default());
+            }
         }
-        let facing: Vec<_> = placed.iter().map(|placed| FacingOccluder::new(placed, position, normal)).collect();
-        let directions =
-            sphere_samples(INSIDE_RAYS).into_iter().map(|sample| cosine_direction(normal, sample)).collect();
-        let blocked = blocked_share(&facing, directions, settings.max_distance, Bias::default());
-        CapAmbient { occlusion: 1.0 - (1.0 - found.occlusion) * (1.0 - blocked), ..found }
+        CapAmbient { occlusion: 1.0 - visibility, ..found }
     }
 }
 
@@ -392,8 +406,10 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
     // In each direction; objects that are not told apart by direction all in the first.
     let mut visible = [[1.0_f32; N]; K];
     let mut open = Vectors::<N>::ZERO;
-    for lane in 0..N {
-        open.set(lane, normals.get(lane) * MEAN_COSINE);
+    if !SOFT {
+        for lane in 0..N {
+            open.set(lane, normals.get(lane) * MEAN_COSINE);
+        }
     }
     for occluder in occluders {
         let mut reach = [0.0; N];
@@ -420,22 +436,16 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
                 occlusion[lane] += (mapped - occlusion[lane]) * stretched;
             }
         }
+        if occluder.rays_inside {
+            for lane in 0..N {
+                occlusion[lane] *= 1.0 - occluder.grid.inside_share(seen.positions.get(lane));
+            }
+        }
         for lane in 0..N {
             occlusion[lane] = above_cutoff(occlusion[lane] * reach[lane]);
         }
-        if occluder.rays_inside {
-            for lane in 0..N {
-                let inside = occluder.grid.contains(seen.positions.get(lane));
-                occlusion[lane] = if inside { 0.0 } else { occlusion[lane] };
-            }
-        }
         if occlusion.iter().all(|occlusion| *occlusion <= 0.0) {
             continue;
-        }
-        for lane in 0..N {
-            // The transpose turns back, and does not stretch.
-            let towards = unit(map.transpose * seen.axes.get(lane));
-            open.set(lane, open.get(lane) - towards * occlusion[lane]);
         }
         if SOFT {
             seen.soften(&map, &directions, &mut soft);
@@ -447,17 +457,38 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
             }
         } else {
             for lane in 0..N {
+                // The transpose turns back, and does not stretch.
+                let towards = unit(map.transpose * seen.axes.get(lane));
+                open.set(lane, open.get(lane) - towards * occlusion[lane]);
                 visible[0][lane] *= 1.0 - occlusion[lane];
+            }
+        }
+    }
+    if SOFT {
+        for k in 0..K {
+            for lane in 0..N {
+                open.set(lane, open.get(lane) + directions[k].get(lane) * visible[k][lane]);
             }
         }
     }
     let visibility = if SOFT { mean(&visible) } else { visible[0] };
     let mut answers = [CapAmbient::UNOCCLUDED; N];
     for lane in 0..N {
-        answers[lane] = CapAmbient { occlusion: 1.0 - visibility[lane], bent_normal: unit(open.get(lane)) };
+        let bent_normal = bent_normal(open.get(lane), normals.get(lane));
+        answers[lane] = CapAmbient { occlusion: 1.0 - visibility[lane], bent_normal };
     }
     answers
 }
+
+/// The unit vector along what is open, above the surface; the normal itself if nothing is.
+#[inline(always)]
+fn bent_normal(open: Vec3, normal: Vec3) -> Vec3 {
+    let above = open - normal * open.dot(normal).min(0.0);
+    if above.dot(above) > SMALLEST_OPEN { unit(above) } else { unit(normal) }
+}
+
+/// Squared length below which what is open has no direction.
+const SMALLEST_OPEN: f32 = 1.0e-6;
 
 /// Mean cosine of the directions of a hemisphere, weighted by their cosine.
 const MEAN_COSINE: f32 = 2.0 / 3.0;
@@ -540,7 +571,7 @@ fn reach_of(placement: &Placement, position: Vec3, max_distance: f32) -> f32 {
     let to_center = placement.center - position;
     let (squared, radius) = (to_center.dot(to_center), placement.radius);
     let near = radius * radius > CUTOFF * squared;
-    let nearest = squared.sqrt() - radius;
+    let nearest = (squared.sqrt() - radius).max(0.0);
     let share = ((max_distance - nearest) / (2.0 * radius)).clamp(0.0, 1.0);
     if near { share } else { 0.0 }
 }

@@ -30,7 +30,8 @@ pub struct TraceSettings {
     /// Whether ambient occlusion, and that of [large lights](FrameLight::is_large), comes from the cap grids of fields that have
     /// one for it, and how they combine. Others get rays.
     pub caps: Option<CapCombination>,
-    /// Ambient occlusion rays per pixel, 0 (none) to [`MAX_RAYS`]. The denoiser sees 64 times as many.
+    /// Ambient occlusion rays per pixel, 0 (none) to [`MAX_RAYS`]. The denoiser sees 64 times as many. Without rays, fields that
+    /// no cap grid answers for do not occlude, and neither do others where their grid leaves receivers to rays.
     pub ambient_rays: u32,
     /// Rays per pixel and light, 0 (none) to [`MAX_RAYS`]. The denoiser sees 16 times as many.
     pub shadow_rays: u32,
@@ -187,30 +188,47 @@ pub fn trace(
         let mut occlusion = Vec4::ZERO;
         let within_reach = |occluder: &&FacingOccluder| {
             to_center(occluder.placement).length() - occluder.placement.radius < settings.max_distance
-                && has_rays(occluder, receiver.position, OcclusionSource::of(occluder.field, settings.caps.is_some()))
         };
-        let reached: Vec<&FacingOccluder> = above.iter().filter(within_reach).collect();
-        let count = own_samples(&sphere, pixel, AMBIENT_INTERLEAVE_BITS)
-            .map(|&point| cosine_direction(receiver.normal, point))
-            .filter(|&ray| reached.iter().any(|occluder| occluder.blocks(ray, settings.max_distance, settings.bias)))
+        let share = |occluder: &FacingOccluder| {
+            let source = OcclusionSource::of(occluder.field, settings.caps.is_some());
+            share_of_rays(occluder, receiver.position, source)
+        };
+        let reached: Vec<_> = above.iter().filter(within_reach).map(|occluder| (occluder, share(occluder))).collect();
+        let residue = interleave_index(pixel.x, pixel.y, AMBIENT_INTERLEAVE_BITS);
+        let count = own_samples(&sphere, residue, AMBIENT_INTERLEAVE_BITS)
+            .filter(|&(ray, &point)| {
+                let direction = cosine_direction(receiver.normal, point);
+                let blocks = |&(occluder, share): &(&FacingOccluder, f32)| {
+                    is_sent(ray, residue, share) && occluder.blocks(direction, settings.max_distance, settings.bias)
+                };
+                reached.iter().any(blocks)
+            })
             .count();
         occlusion.x = count as f32 / settings.ambient_rays.max(1) as f32;
+        let residue = interleave_index(pixel.x, pixel.y, LIGHT_INTERLEAVE_BITS);
         let usable = |light: &&FrameLight| light.channel < MAX_LIGHTS && receiver.normal.dot(light.disc.axis) > 0.0;
         for light in lights.iter().filter(usable) {
-            let asked = |occluder: &&FacingOccluder| {
+            let in_cone = |occluder: &&FacingOccluder| {
+                meets_cone(to_center(occluder.placement), occluder.placement.radius, light)
+            };
+            let share = |occluder: &FacingOccluder| {
                 let large = light.is_large() && settings.caps.is_some();
                 let source = OcclusionSource::of_large_lights(occluder.field, large);
-                meets_cone(to_center(occluder.placement), occluder.placement.radius, light)
-                    && has_rays(occluder, receiver.position, source)
+                share_of_rays(occluder, receiver.position, source)
             };
-            let in_cone: Vec<&FacingOccluder> = above.iter().filter(asked).collect();
+            let in_cone: Vec<_> = above.iter().filter(in_cone).map(|occluder| (occluder, share(occluder))).collect();
             // Of the disc, only what is above the receiver's horizon counts.
-            let rays: Vec<Vec3> = own_samples(&disc, pixel, LIGHT_INTERLEAVE_BITS)
-                .map(|&point| light.disc.direction(point))
-                .filter(|ray| receiver.normal.dot(*ray) > 0.0)
+            let rays: Vec<(u32, Vec3)> = own_samples(&disc, residue, LIGHT_INTERLEAVE_BITS)
+                .map(|(ray, &point)| (ray, light.disc.direction(point)))
+                .filter(|(_, direction)| receiver.normal.dot(*direction) > 0.0)
                 .collect();
-            let blocked = |ray: Vec3| in_cone.iter().any(|occluder| occluder.blocks(ray, f32::INFINITY, settings.bias));
-            let count = rays.iter().filter(|&&ray| blocked(ray)).count();
+            let blocked = |&&(ray, direction): &&(u32, Vec3)| {
+                let blocks = |&(occluder, share): &(&FacingOccluder, f32)| {
+                    is_sent(ray, residue, share) && occluder.blocks(direction, f32::INFINITY, settings.bias)
+                };
+                in_cone.iter().any(blocks)
+            };
+            let count = rays.iter().filter(blocked).count();
             occlusion[light.channel + 1] = count as f32 / rays.len().max(1) as f32;
         }
         occlusion
@@ -218,11 +236,22 @@ pub fn trace(
     geometry.pixels().map(trace_pixel).collect()
 }
 
-/// Whether rays are sent to an occluder that is asked so, from a receiver at a position.
-fn has_rays(occluder: &FacingOccluder, position: Vec3, source: OcclusionSource) -> bool {
+/// Which share of its rays a receiver sends to an occluder that is asked so.
+fn share_of_rays(occluder: &FacingOccluder, position: Vec3, source: OcclusionSource) -> f32 {
     let cap = CapOccluder::new(*occluder.placement, occluder.field);
-    source.has_rays(cap.is_some_and(|cap| cap.leaves_to_rays(position)))
+    source.share_of_rays(cap.map_or(0.0, |cap| cap.inside_share(position)))
 }
+
+/// Whether a ray belongs to the share that is sent. The pixels that share a pattern differ in which rays do, so that all of them
+/// together send just that share.
+fn is_sent(ray: u32, residue: u32, share: f32) -> bool {
+    // The radical inverse of both numbers, those of the ray first.
+    let turn = ((residue << RAY_BITS) | ray).reverse_bits() >> 8;
+    (turn as f32) * (1.0 / 16_777_216.0) < share
+}
+
+/// Bits of the number of a ray, below [`MAX_RAYS`].
+const RAY_BITS: u32 = 5;
 
 /// What cap grids give every pixel, without noise: ambient occlusion in x, the occlusion of large lights by channel in y, z, w;
 /// of the instances that they answer for.
@@ -251,17 +280,14 @@ pub fn caps(
         occlusion.x = ambient(&of_ambient, position, normal, &settings.cap_settings()).occlusion;
         let usable = |light: &&FrameLight| light.is_large() && normal.dot(light.disc.axis) > 0.0;
         for light in lights.iter().filter(|light| light.channel < MAX_LIGHTS).filter(usable) {
-            let hidden = |occluder: &&CapOccluder| {
-                let placement = occluder.placement();
-                let to_center = placement.center - position;
-                above_surface(to_center, placement.radius, normal)
-                    && meets_cone(to_center, placement.radius, light)
-                    && !occluder.leaves_to_rays(position)
+            let in_cone = |occluder: &&CapOccluder| {
+                let (to_center, radius) = (occluder.placement().center - position, occluder.placement().radius);
+                above_surface(to_center, radius, normal) && meets_cone(to_center, radius, light)
             };
             let visible = |occluder: &CapOccluder| {
                 1.0 - occluder.light_occlusion(position, light.disc.axis, light.angular_radius)
             };
-            occlusion[light.channel + 1] = 1.0 - of_lights.iter().filter(hidden).map(visible).product::<f32>();
+            occlusion[light.channel + 1] = 1.0 - of_lights.iter().filter(in_cone).map(visible).product::<f32>();
         }
         occlusion
     };
@@ -297,10 +323,9 @@ pub fn occlusion(
     occlusion
 }
 
-/// The samples of a shared pattern that a pixel takes.
-fn own_samples<T>(pattern: &[T], pixel: UVec2, bits: u32) -> impl Iterator<Item = &T> {
-    let residue = interleave_index(pixel.x, pixel.y, bits) as usize;
-    pattern.iter().skip(residue).step_by(residues(bits) as usize)
+/// The samples of a shared pattern that the pixels of a residue take, numbered.
+fn own_samples<T>(pattern: &[T], residue: u32, bits: u32) -> impl Iterator<Item = (u32, &T)> {
+    (0..).zip(pattern.iter().skip(residue as usize).step_by(residues(bits) as usize))
 }
 
 /// Averages the interleaved patterns over the same surface, along rows and then along columns. (The shader's pass over

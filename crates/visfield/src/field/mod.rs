@@ -192,8 +192,8 @@ pub enum FieldError {
         /// The number asked for.
         points: u32,
     },
-    /// A cap grid's header has a number that is not finite or out of range, or too few of them.
-    #[error("the cap grid's box, falloff or value ranges are not finite, or out of range")]
+    /// A cap grid has a number that is not finite or out of range, or its header too few of them.
+    #[error("the cap grid's box, falloff, value ranges or values are not finite, or out of range")]
     CapGrid,
     /// Something that was measured is not finite.
     #[error("what was measured of the field has a number that is not finite")]
@@ -214,8 +214,8 @@ pub enum FieldError {
         /// The size asked for, in bytes.
         bytes: u64,
     },
-    /// The table's length is not what its format says.
-    #[error("the table holds {found} bytes but its format says {expected}")]
+    /// The length of a table or of a cap grid is not what its format says.
+    #[error("there are {found} bytes where the format of the part says {expected}")]
     TableLength {
         /// Bytes that the format asks for.
         expected: u64,

@@ -78,14 +78,10 @@ impl InstanceData {
     }
 }
 
-/// Whether a cap grid is asked anywhere, by the number of a source.
-pub(super) fn has_caps(source: u32) -> bool {
-    [OcclusionSource::CapGrid, OcclusionSource::CapGridWithRaysInside].map(source_number).contains(&source)
-}
-
-/// Whether rays are sent anywhere, by the number of a source.
-pub(super) fn has_rays(source: u32) -> bool {
-    [OcclusionSource::Rays, OcclusionSource::CapGridWithRaysInside].map(source_number).contains(&source)
+/// Whether a source, by its number, is one of those.
+pub(super) fn is_source(number: u32, of: fn(OcclusionSource) -> bool) -> bool {
+    use OcclusionSource::{CapGrid, CapGridWithRaysInside, None, Rays};
+    [None, Rays, CapGrid, CapGridWithRaysInside].into_iter().any(|source| of(source) && source_number(source) == number)
 }
 
 fn rows(map: &Affine3A) -> [[f32; 4]; 3] {

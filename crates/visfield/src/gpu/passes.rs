@@ -3,9 +3,9 @@
 use glam::{Mat4, UVec2};
 use thiserror::Error;
 
-use super::layout::{FrameUniform, InstanceData, has_caps, has_rays, sample_data};
+use super::layout::{FrameUniform, InstanceData, is_source, sample_data};
 use super::{FieldPool, caps_source, denoise_source, trace_source};
-use crate::estimate::caps::CapCombination;
+use crate::estimate::caps::{CapCombination, OcclusionSource};
 use crate::estimate::frame::{FrameLight, TraceSettings};
 
 /// Format of the occlusion texture. Its red channel is ambient visibility; green and blue are the *occlusion* of lights 0
@@ -164,12 +164,14 @@ impl OcclusionPasses {
         let settings = inputs.settings.clamped();
         let any = |of: fn(&InstanceData) -> bool| inputs.instances.iter().any(of);
         let large = settings.caps.is_some() && inputs.lights.iter().any(FrameLight::is_large);
-        let ambient_caps = settings.caps.is_some() && any(|instance| has_caps(instance.ambient_source));
-        let light_caps = large && any(|instance| has_caps(instance.light_source));
+        let ambient_caps =
+            settings.caps.is_some() && any(|instance| is_source(instance.ambient_source, OcclusionSource::has_caps));
+        let light_caps = large && any(|instance| is_source(instance.light_source, OcclusionSource::has_caps));
         let caps = ambient_caps || light_caps;
-        let rays = settings.ambient_rays > 0 && any(|instance| has_rays(instance.ambient_source))
+        let rays = settings.ambient_rays > 0
+            && any(|instance| is_source(instance.ambient_source, OcclusionSource::has_rays))
             || inputs.lights.iter().any(|light| !(large && light.is_large())) && any(|instance| instance.entries > 0)
-            || large && any(|instance| has_rays(instance.light_source));
+            || large && any(|instance| is_source(instance.light_source, OcclusionSource::has_rays));
         // What has no noise needs no filter: alone, it goes where the result does.
         let needed = Needed { caps_texture: caps && rays, filter: rays || !caps };
         let count = inputs.instances.len() as u32;

@@ -25,6 +25,7 @@ const KNEE: f32 = 0.65;
 const CAP_SHARE: f32 = 0.75;
 const FARTHEST: f32 = 1.0e12;
 const SMALLEST_MEAN: f32 = 1.0e-4;
+const SMALLEST_OPEN: f32 = 1.0e-6;
 const SMALLEST: f32 = 1.1754944e-38;
 const MEAN_COSINE: f32 = 2.0 / 3.0;
 
@@ -178,11 +179,19 @@ fn unit(v: vec3<f32>) -> vec3<f32> {
     return v * (1.0 / max(sqrt(dot(v, v)), SMALLEST));
 }
 
+fn bent_normal(open: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    let above = open - normal * min(dot(open, normal), 0.0);
+    if dot(above, above) > SMALLEST_OPEN {
+        return unit(above);
+    }
+    return unit(normal);
+}
+
 fn reach_of(instance: u32, position: vec3<f32>) -> f32 {
     let to_center = instances[instance].center - position;
     let radius = instances[instance].radius;
     let squared = dot(to_center, to_center);
-    let nearest = sqrt(squared) - radius;
+    let nearest = max(sqrt(squared) - radius, 0.0);
     let share = clamp((frame.max_distance - nearest) / (2.0 * radius), 0.0, 1.0);
     return select(0.0, share, radius * radius > CUTOFF * squared);
 }
@@ -231,10 +240,10 @@ fn ambient(receiver: Receiver) -> Ambient {
         directions[k] = cosine_direction(receiver.normal, samples[first_sample + k].xyz);
         visible[k] = 1.0;
     }
-    var open = receiver.normal * MEAN_COSINE;
+    var open = select(receiver.normal * MEAN_COSINE, vec3<f32>(0.0), SOFT_CAPS);
     for (var i = 0u; i < frame.instance_count; i++) {
         let source = instances[i].ambient_source;
-        if source != SOURCE_CAP_GRID && source != SOURCE_CAP_GRID_WITH_RAYS_INSIDE {
+        if !has_caps(source) {
             continue;
         }
         let reach = reach_of(i, receiver.position);
@@ -243,9 +252,6 @@ fn ambient(receiver: Receiver) -> Ambient {
         }
         let grid = instances[i].cap_grid;
         let position = transform(instances[i].cap_from_world, vec4<f32>(receiver.position, 1.0));
-        if source == SOURCE_CAP_GRID_WITH_RAYS_INSIDE && contains(grid, position) {
-            continue;
-        }
         let harmonics = plane_at(grid, 0u, grid_point(grid, position));
         let seen = cap(harmonics);
         let normal = unit(transform(instances[i].cap_from_world, vec4<f32>(receiver.normal, 0.0)));
@@ -255,14 +261,17 @@ fn ambient(receiver: Receiver) -> Ambient {
             let in_world = mapped(seen, instances[i].cap_from_world);
             occlusion += (cap_occlusion(cap_harmonics(in_world), in_world, receiver.normal) - occlusion) * stretched;
         }
+        if source == SOURCE_CAP_GRID_WITH_RAYS_INSIDE {
+            occlusion *= 1.0 - inside_share(grid, position);
+        }
         occlusion = above_cutoff(occlusion * reach);
         if occlusion <= 0.0 {
             continue;
         }
-        let rows = instances[i].cap_from_world;
-        let towards = unit(rows[0].xyz * seen.axis.x + rows[1].xyz * seen.axis.y + rows[2].xyz * seen.axis.z);
-        open -= towards * occlusion;
         if !SOFT_CAPS {
+            let rows = instances[i].cap_from_world;
+            let towards = unit(rows[0].xyz * seen.axis.x + rows[1].xyz * seen.axis.y + rows[2].xyz * seen.axis.z);
+            open -= towards * occlusion;
             visible[0] *= 1.0 - occlusion;
             continue;
         }
@@ -273,8 +282,11 @@ fn ambient(receiver: Receiver) -> Ambient {
             visible[k] *= 1.0 - soft[k];
         }
     }
+    for (var k = 0u; SOFT_CAPS && k < DIRECTIONS; k++) {
+        open += directions[k] * visible[k];
+    }
     let visibility = select(visible[0], mean(&visible), SOFT_CAPS);
-    return Ambient(unit(open), 1.0 - visibility);
+    return Ambient(bent_normal(open, receiver.normal), 1.0 - visibility);
 }
 
 // Means of the Legendre polynomials of degrees 0 to 3 over a disc with this cosine of its half-angle.
@@ -341,17 +353,19 @@ fn light_visibility(receiver: Receiver, light: Light) -> f32 {
         let radius = instances[i].radius;
         if !above_surface(to_center, radius, receiver.normal)
             || !meets_cone(to_center, radius, light)
-            || !has_caps(instances[i].light_source, i, receiver.position) {
+            || !has_caps(instances[i].light_source) {
             continue;
         }
         let grid = instances[i].cap_grid;
-        let at = grid_point(grid, transform(instances[i].cap_from_world, vec4<f32>(receiver.position, 1.0)));
+        let position = transform(instances[i].cap_from_world, vec4<f32>(receiver.position, 1.0));
+        let at = grid_point(grid, position);
         var planes = array<vec4<f32>, 4>();
         for (var plane = 0u; plane < 4u; plane++) {
             planes[plane] = plane_at(grid, plane, at);
         }
         let axis = unit(transform(instances[i].cap_from_world, vec4<f32>(light.axis, 0.0)));
-        visibility *= 1.0 - above_cutoff(light_occlusion(planes, axis, half_angle));
+        let left = 1.0 - share_of_rays(instances[i].light_source, i, receiver.position);
+        visibility *= 1.0 - above_cutoff(light_occlusion(planes, axis, half_angle) * left);
     }
     return visibility;
 }

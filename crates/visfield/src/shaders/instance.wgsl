@@ -1,4 +1,5 @@
-// Occluders, and what any pass asks of them. Twin: scene.rs. Joined after frame.wgsl.
+// Occluders, and what more than one pass asks of them. Twins: estimate/{mod,frame}.rs, OcclusionSource in estimate/caps.rs, and
+// field/cap_grid/mod.rs. Joined after frame.wgsl.
 
 // Which part of a field is asked (layout::source_number).
 const SOURCE_RAYS: u32 = 1u;
@@ -88,32 +89,37 @@ struct CapGrid {
 // Grids by their number: the pool, seen as headers of grids.
 @group(0) @binding(5) var<storage, read> cap_grids: array<CapGrid>;
 
-// Whether a position in cap space lies inside the mesh's bounding box.
-fn contains(grid: u32, position: vec3<f32>) -> bool {
-    return all(abs(position) <= cap_grids[grid].half_extents);
+const INSIDE_MARGIN: f32 = 0.1;
+const RAY_BITS: u32 = 5u;
+
+// CapGrid::inside_share
+fn inside_share(grid: u32, position: vec3<f32>) -> f32 {
+    let beyond = abs(position) - cap_grids[grid].half_extents;
+    let largest = max(max(beyond.x, beyond.y), beyond.z);
+    return clamp(1.0 - largest * (1.0 / INSIDE_MARGIN), 0.0, 1.0);
 }
 
-// Whether a receiver at a position of the world lies inside the box of an instance's cap grid.
-fn in_box(instance: u32, position: vec3<f32>) -> bool {
-    return contains(instances[instance].cap_grid, transform(instances[instance].cap_from_world, vec4<f32>(position, 1.0)));
-}
-
-// Whether rays are sent to an instance that is asked so, from a receiver at a position of the world.
-fn has_rays(source: u32, instance: u32, position: vec3<f32>) -> bool {
+// Which share of its rays a receiver at a position of the world sends to an instance that is asked so. What is not sent, its
+// cap grid answers, if that is asked at all.
+fn share_of_rays(source: u32, instance: u32, position: vec3<f32>) -> f32 {
     switch source {
-        case SOURCE_RAYS: { return true; }
-        case SOURCE_CAP_GRID_WITH_RAYS_INSIDE: { return in_box(instance, position); }
-        default: { return false; }
+        case SOURCE_RAYS: { return 1.0; }
+        case SOURCE_CAP_GRID_WITH_RAYS_INSIDE: {
+            let local = transform(instances[instance].cap_from_world, vec4<f32>(position, 1.0));
+            return inside_share(instances[instance].cap_grid, local);
+        }
+        default: { return 0.0; }
     }
 }
 
-// Whether the cap grid of an instance that is asked so is, from a receiver at a position of the world.
-fn has_caps(source: u32, instance: u32, position: vec3<f32>) -> bool {
-    switch source {
-        case SOURCE_CAP_GRID: { return true; }
-        case SOURCE_CAP_GRID_WITH_RAYS_INSIDE: { return !in_box(instance, position); }
-        default: { return false; }
-    }
+fn has_caps(source: u32) -> bool {
+    return source == SOURCE_CAP_GRID || source == SOURCE_CAP_GRID_WITH_RAYS_INSIDE;
+}
+
+// Whether a ray belongs to the share that is sent.
+fn is_sent(ray: u32, residue: u32, share: f32) -> bool {
+    let turn = reverseBits((residue << RAY_BITS) | ray) >> 8u;
+    return f32(turn) * (1.0 / 16777216.0) < share;
 }
 
 // Whether a light is hidden by cap grids.

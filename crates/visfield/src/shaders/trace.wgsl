@@ -1,7 +1,7 @@
 // The trace pass: a few rays per pixel and estimator, against every instance that can matter. Twin: estimate/frame.rs.
 // Joined after field.wgsl, frame.wgsl and instance.wgsl.
 
-// Points of the sphere (64 × ambient_rays), then points of the disc (16 × shadow_rays).
+// Points of the sphere (64 × ambient_rays), then points of the disc (16 × shadow_rays); what follows is of the caps pass.
 @group(0) @binding(6) var<storage, read> samples: array<vec4<f32>>;
 // Occlusion: ambient, and lights 0, 1, 2.
 @group(0) @binding(7) var noisy_texture: texture_storage_2d<rgba16float, write>;
@@ -56,8 +56,8 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         let within_reach = length(to_center) - radius < frame.max_distance;
         let asked = frame.ambient_rays > 0u && within_reach;
-        let ambient = asked && has_rays(instances[i].ambient_source, i, receiver.position);
-        if !ambient && frame.light_count == 0u {
+        let ambient_share = select(0.0, share_of_rays(instances[i].ambient_source, i, receiver.position), asked);
+        if ambient_share <= 0.0 && frame.light_count == 0u {
             continue;
         }
         let shape = TableShape(
@@ -68,9 +68,9 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
         );
         let origin = transform(instances[i].field_from_world, vec4<f32>(receiver.position, 1.0));
         let normal = field_normal(instances[i], receiver.normal);
-        if ambient {
+        if ambient_share > 0.0 {
             for (var ray = 0u; ray < frame.ambient_rays; ray++) {
-                if (ambient_blocked & (1u << ray)) != 0u {
+                if (ambient_blocked & (1u << ray)) != 0u || !is_sent(ray, ambient_residue, ambient_share) {
                     continue;
                 }
                 let point = samples[ray * ambient_stride + ambient_residue].xyz;
@@ -86,11 +86,12 @@ fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
             if dot(receiver.normal, light.axis) <= 0.0 || !meets_cone(to_center, radius, light) {
                 continue;
             }
-            if is_large(l) && !has_rays(instances[i].light_source, i, receiver.position) {
-                continue;
+            var light_share = 1.0;
+            if is_large(l) {
+                light_share = share_of_rays(instances[i].light_source, i, receiver.position);
             }
             for (var ray = 0u; ray < frame.shadow_rays; ray++) {
-                if (light_blocked[l] & (1u << ray)) != 0u {
+                if (light_blocked[l] & (1u << ray)) != 0u || !is_sent(ray, light_residue, light_share) {
                     continue;
                 }
                 let point = samples[first_disc_sample + ray * light_stride + light_residue].xy;

@@ -105,6 +105,9 @@ fn a_reach_fades_objects_out() {
     // The ball reaches from 2 to 4.
     assert!((at(4.0) - whole).abs() < 1e-6 && at(2.0) == 0.0 && at(0.0) == 0.0 && whole > 0.08);
     assert!((at(3.0) / whole - 0.5).abs() < 0.05);
+    let inside = Receiver { position: DVec3::Y * -0.5, normal: Vec3::Y };
+    let nothing = CapSettings { max_distance: 0.0, ..CapSettings::default() };
+    assert_eq!(caps.ambient(&inside, &nothing).occlusion, 0.0, "no reach, from inside");
     let mut previous = 0.0;
     for step in 0..100 {
         let here = at(1.5 + 0.03 * step as f32);
@@ -137,4 +140,31 @@ fn where_a_grid_is_wrong_there_are_rays() {
     assert!((inside - rays).abs() < 1e-6 && (rays - 0.309).abs() < 0.05, "{inside}, {rays}");
     let (outside, rays) = below(1.1);
     assert!((outside - 0.826).abs() < 0.05 && rays < 0.3, "{outside}, {rays}");
+    // From the one to the other without a jump, however much they differ.
+    let mut previous = below(0.95).0;
+    for step in 0..200 {
+        let (here, _) = below(0.95 + 0.001 * f64::from(step));
+        assert!((here - previous).abs() < 0.02, "{here} after {previous}");
+        previous = here;
+    }
+}
+
+#[test]
+fn bent_normals_stay_above_the_surface() {
+    let mut scene = Scene::default();
+    let ball = scene.add_field(example_caps());
+    scene.instances.push(Instance::new(ball, DAffine3::IDENTITY));
+    let caps = CapScene::new(&scene, DVec3::ZERO);
+    for rule in RULES {
+        let bent = |position: DVec3| caps.ambient(&Receiver { position, normal: Vec3::Y }, &settings(rule)).bent_normal;
+        for height in [1.02, 1.1, 1.5, 3.0] {
+            let above = bent(DVec3::Y * -height);
+            assert!(above.y > 0.75, "{rule:?}: the ball overhead at {height} leaves {above}");
+            // Beside it, what is open lies on the other side.
+            let beside = bent(dvec3(height, -0.3, 0.0));
+            assert!(beside.y >= 0.0 && beside.x > 0.02 && (beside.length() - 1.0).abs() < 1e-3, "{rule:?}: {beside}");
+        }
+        assert!(bent(DVec3::Y * -100.0).abs_diff_eq(Vec3::Y, 2e-2));
+        assert_eq!(bent(DVec3::ZERO).length().round(), 1.0, "inside");
+    }
 }

@@ -13,7 +13,7 @@ use visfield::{CapGridFormat, ChordTable, Encoding, FieldParts, Representation, 
 use visfield_bake::tune::{TuneError, TuneQuestion, TuneStep, tune};
 use visfield_bake::{BakeError, BakeSettings, Mesh, bake, read_meshes};
 
-use super::inspect::{cap_grid_error, measured_line, serves_inside};
+use super::inspect::{cap_grid_error, measured_line};
 use super::settings::FieldArguments;
 use super::tune::TuneArguments;
 use super::{CommandError, check_output};
@@ -213,7 +213,7 @@ fn report_cap_grid(field: &VisibilityField, report: &mut String) {
 
 /// What the field cannot do in a game, if anything.
 fn note_limits(field: &VisibilityField, report: &mut String) {
-    if field.cap_grid().is_some_and(|grid| !serves_inside(grid)) {
+    if field.cap_grid().is_some_and(|grid| !grid.serves_inside()) {
         _ = writeln!(
             report,
             "  note: the cap grid is wrong inside its box; receivers there get rays where the field has a table, and may be wrong \

@@ -110,7 +110,7 @@ fn report_cap_grid(report: &mut String, grid: &CapGrid) {
     );
     _ = writeln!(report, "  falloff          {falloff}");
     if let Some(error) = cap_grid_error(grid) {
-        let mark = if serves_inside(grid) { "serves receivers inside it" } else { "not for receivers inside it" };
+        let mark = if grid.serves_inside() { "serves receivers inside it" } else { "not for receivers inside it" };
         _ = writeln!(report, "  its errors       {error}: {mark}");
     }
 }
@@ -119,11 +119,6 @@ fn report_cap_grid(report: &mut String, grid: &CapGrid) {
 pub(super) fn cap_grid_error(grid: &CapGrid) -> Option<String> {
     let CapGridError { outside, inside } = grid.header().error?;
     Some(format!("mean error {outside:.4} around it, {inside:.3} inside its box"))
-}
-
-/// Whether receivers inside the box can be asked too. A grid that was not measured is not known to fail.
-pub(super) fn serves_inside(grid: &CapGrid) -> bool {
-    grid.header().error.is_none_or(|error| error.serves_inside())
 }
 
 /// One measurement in words.

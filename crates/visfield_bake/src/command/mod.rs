@@ -18,7 +18,7 @@ use visfield_bake::measure::document::DocumentError;
 use visfield_bake::tune::TuneError;
 use visfield_bake::{BakeError, ReadError};
 
-/// Bake meshes into visibility fields: ambient occlusion and soft shadows of moving rigid objects by table look-ups.
+/// Bake meshes into visibility fields: ambient occlusion and soft shadows of moving rigid objects by look-ups.
 #[derive(Debug, Parser)]
 #[command(name = "visfield", version, arg_required_else_help = true)]
 pub(crate) struct Cli {

@@ -1,6 +1,7 @@
 //! Arguments that say what a field stores, shared by the subcommands that bake.
 
 use clap::error::ErrorKind;
+use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches, Id, ValueEnum};
 use visfield::field::MAX_SIDE;
 use visfield::field::cap_grid::{CapPrecision, Falloff, HarmonicOrder, MAX_POINTS, MIN_POINTS};
@@ -223,6 +224,17 @@ fn check(matches: &ArgMatches) -> Result<(), clap::Error> {
     }
     if let Some(option) = given("TableArguments").filter(|_| !two_point && !hemisphere) {
         return conflict(format!("{option} is for tables: add two-point to --representation, or leave it out"));
+    }
+    let on_command_line = |id: &&str| matches.value_source(id) == Some(ValueSource::CommandLine);
+    for (ids, name, asked) in [
+        (&["entries", "exits"][..], "two-point", two_point),
+        (&["positions", "directions", "map"], "hemisphere", hemisphere),
+    ] {
+        if let Some(option) = ids.iter().copied().find(on_command_line).filter(|_| !asked) {
+            return conflict(format!(
+                "--{option} is for {name} tables: choose {name} for --representation, or leave it out"
+            ));
+        }
     }
     if let Some(option) = given("CapGridArguments").filter(|_| !names.contains(&RepresentationName::CapGrid)) {
         return conflict(format!("{option} is for cap grids: add cap-grid to --representation, or leave it out"));

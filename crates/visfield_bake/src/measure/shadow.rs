@@ -140,6 +140,9 @@ pub struct ShadowMeasurement {
 /// # Errors
 /// [`BakeError`] if the mesh or the settings cannot be baked, or if they have no table.
 pub fn measure_shadow(mesh: &Mesh, question: &ShadowQuestion) -> Result<ShadowMeasurement, BakeError> {
+    if question.bake.table.is_none() {
+        return Err(BakeError::NoTable { name: mesh.name.clone() });
+    }
     let start = Instant::now();
     let field = bake(mesh, &question.bake, |_| ())?;
     let bake_seconds = start.elapsed().as_secs_f64();

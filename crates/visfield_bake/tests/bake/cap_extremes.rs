@@ -14,7 +14,7 @@ use super::cap_shapes::{
 };
 use super::support::{Random, shared_mesh};
 
-/// Both rules by which objects add up.
+/// The rules by which objects add up.
 const RULES: [CapCombination; 3] =
     [CapCombination::Product, CapCombination::SoftCaps { directions: 8 }, CapCombination::SoftCaps { directions: 16 }];
 
@@ -140,7 +140,10 @@ fn what_cannot_be_asked_inside_is_marked() {
         println!("{}: {error:?}", mesh.name);
         assert_eq!(error.serves_inside(), serves, "{}: {error:?}", mesh.name);
         assert_eq!(grid_of(&field).serves_inside(), serves);
-        assert!(grid_of(&field).contains(Vec3::splat(0.03)) && !grid_of(&field).contains(Vec3::Y * 1.1));
+        assert!(
+            grid_of(&field).inside_share(Vec3::splat(0.03)) == 1.0
+                && grid_of(&field).inside_share(Vec3::Y * 1.11) == 0.0
+        );
     }
     for name in ["stanford-bunny.obj", "cow.obj", "spot.obj", "teapot.obj", "suzanne.obj", "fandisk.obj", "igea.glb"] {
         let Some(path) = shared_mesh(name) else { continue };
@@ -320,8 +323,8 @@ fn turned_mirrored_and_scaled_objects_answer_alike() {
 fn stretched_objects_agree_roughly_with_exact_rays() {
     let stretch = DAffine3::from_scale(dvec3(1.0, 2.0, 3.0));
     let Some(bunny) = bunny() else { return };
-    // Measured by product and 8 and 16 directions.
-    for (mesh, bounds) in [(bunny, [0.02, 0.02, 0.02]), (ball(), [0.02, 0.02, 0.02])] {
+    // Measured, by all rules alike since there is one object: 0.0062 and 0.0065.
+    for mesh in [bunny, ball()] {
         let world = bounds_in_place(&mesh, stretch);
         let field = bake_caps(&mesh, 16);
         let scene = scene_of(field, [stretch]);
@@ -330,11 +333,11 @@ fn stretched_objects_agree_roughly_with_exact_rays() {
         let receivers = corner(world.0, world.1, 1.0);
         let rays = AmbientOcclusion { rays: 2048, ..AmbientOcclusion::default() };
         let exact: Vec<f32> = receivers.iter().map(|r| exact::ambient_occlusion(&truth, r, &rays)).collect();
-        for (rule, bound) in RULES.into_iter().zip(bounds) {
+        for rule in RULES {
             let found = receivers.iter().map(|r| caps.ambient(r, &settings(rule)).occlusion);
             let (error, count) = mean_error(found.zip(exact.iter().copied()));
             println!("{} stretched 1:2:3, {rule:?}: {error:.4} over {count}", mesh.name);
-            assert!(error < bound && count > 200, "{} {rule:?}: {error} over {count}", mesh.name);
+            assert!(error < 0.009 && count > 200, "{} {rule:?}: {error} over {count}", mesh.name);
         }
     }
 }

@@ -138,10 +138,10 @@ fn what_a_game_cannot_do_with_a_field_is_noted() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::write(folder.join("shape.obj"), TETRAHEDRON).unwrap();
-    let small = ["bake", "shape.obj", "--entries", "9", "--exits", "8"];
-    let baked = |more: &[&str]| text(&visfield(folder, &[&small, more].concat()).stdout);
-    assert!(!baked(&[]).contains("note"));
-    assert!(baked(&["--encoding", "bit"]).contains("note: bits know no distances"));
+    let baked = |arguments: &[&str]| text(&visfield(folder, &[&["bake", "shape.obj"], arguments].concat()).stdout);
+    assert!(!baked(&["--entries", "9", "--exits", "8"]).contains("note"));
+    let bits = ["--entries", "9", "--exits", "8", "--encoding", "bit"];
+    assert!(baked(&bits).contains("note: bits know no distances"));
     let papers = ["--representation", "hemisphere", "--positions", "50", "--directions", "8", "--map", "polar"];
     assert!(baked(&papers).contains("games render two-point fields only"));
     let inspected = text(&visfield(folder, &["inspect", "shape.vfield"]).stdout);
@@ -419,6 +419,8 @@ fn usage_is_checked_and_explained() {
         (&["--falloff", "exponential=inf"], "the rate per mesh unit has to be finite and above 0"),
         (&["--falloff", "linear=far"], "the distance \"far\" is not a number"),
         (&["--representation", "two-point,hemisphere"], "a field holds one table"),
+        (&["--representation", "hemisphere", "--entries", "9"], "--entries is for two-point tables"),
+        (&["--directions", "8"], "--directions is for hemisphere tables"),
         (&["--representation", "two-point", "--points", "8"], "--points is for cap grids"),
         (&["--representation", "cap-grid", "--entries", "8"], "--entries is for tables"),
         (&["--representation", "cap-grid", "--max-rms", "2"], "--max-rms chooses a two-point table"),

@@ -213,9 +213,10 @@ impl CapGridFormat {
     pub const DEFAULT: Self =
         Self { points: 16, order: HarmonicOrder::One, precision: CapPrecision::U8, falloff: Falloff::None };
 
-    /// Size of the uncompressed grid in bytes.
+    /// Size of the uncompressed grid in bytes, saturating.
     pub fn bytes(&self) -> u64 {
-        u64::from(self.points).pow(3) * (self.order.coefficients() * self.precision.bytes()) as u64
+        let per_point = (self.order.coefficients() * self.precision.bytes()) as u64;
+        u64::from(self.points).saturating_pow(3).saturating_mul(per_point)
     }
 
     /// Checks every number against its documented range.
@@ -296,7 +297,7 @@ impl CapGridHeader {
             && self.scale().is_normal()
             && self.scale().recip().is_normal()
             && (self.low.len(), self.range.len()) == (coefficients, coefficients)
-            && self.low.iter().chain(&self.range).all(|x| x.is_finite())
+            && self.low.iter().zip(&self.range).all(|(low, range)| range.is_finite() && (low + range).is_finite())
             && self.error.is_none_or(|error| error.outside.is_finite() && error.inside.is_finite());
         if sound { Ok(()) } else { Err(FieldError::CapGrid) }
     }
@@ -373,6 +374,10 @@ impl CapGrid {
         if expected != found {
             return Err(FieldError::TableLength { expected, found });
         }
+        let is_finite = |half: &[u8; 2]| f16::from_le_bytes(*half).is_finite();
+        if header.format.precision == CapPrecision::F16 && !bytes.as_chunks().0.iter().all(is_finite) {
+            return Err(FieldError::CapGrid);
+        }
         // A whole number of words, since points have four coefficients at least.
         let words = bytes.as_chunks().0.iter().map(|&word| u32::from_le_bytes(word)).collect();
         Ok(Self { warps: header.warps(), header: Arc::new(header), words })
@@ -384,6 +389,8 @@ impl CapGrid {
     /// # Errors
     /// [`FieldError`] if a number is out of range, or there are not as many points as the header says.
     pub fn encode(mut header: CapGridHeader, scaled: &[[f32; MAX_COEFFICIENTS]]) -> Result<Self, FieldError> {
+        // Before anything is allocated for it.
+        header.format.validate()?;
         let count = header.format.order.coefficients();
         let ends = |i: usize| {
             let values = scaled.iter().map(|point| point[i]);
@@ -475,9 +482,12 @@ impl CapGrid {
         cap::light_occlusion(&self.all_harmonics(position)[..known], axis, half_angle)
     }
 
-    /// Whether a position lies inside the mesh's bounding box.
-    pub fn contains(&self, position: Vec3) -> bool {
-        position.abs().cmple(self.header.half_extents_in_cap_space()).all()
+    /// 1 at positions inside the mesh's bounding box, falling to 0 a tenth of its largest half-extent outside.
+    #[inline(always)]
+    pub fn inside_share(&self, position: Vec3) -> f32 {
+        let beyond = position.abs() - self.header.half_extents_in_cap_space();
+        let largest = beyond.x.max(beyond.y).max(beyond.z);
+        (1.0 - largest * (1.0 / INSIDE_MARGIN)).clamp(0.0, 1.0)
     }
 
     /// Whether receivers inside the mesh's bounding box can be answered too, as far as is known.
@@ -485,6 +495,9 @@ impl CapGrid {
         self.header.error.is_none_or(|error| error.serves_inside())
     }
 }
+
+/// How far around the box the change between a grid and rays takes, in units of cap space.
+const INSIDE_MARGIN: f32 = 0.1;
 
 /// Farther from the mesh than this, in units of cap space, all positions are alike: nothing is seen of it.
 const FARTHEST: f32 = 1.0e12;
@@ -638,6 +651,7 @@ mod tests {
             CapGridHeader { center: [f32::INFINITY; 3], ..sound.clone() },
             CapGridHeader { low: vec![0.0; 3], ..sound.clone() },
             CapGridHeader { range: vec![f32::NAN; 4], ..sound.clone() },
+            CapGridHeader { low: vec![f32::MAX; 4], range: vec![f32::MAX; 4], ..sound.clone() },
             with_format(CapGridFormat { order: HarmonicOrder::Three, ..CapGridFormat::DEFAULT }),
             CapGridHeader { error: Some(CapGridError { outside: f32::NAN, inside: 0.0 }), ..sound.clone() },
         ];
@@ -654,7 +668,18 @@ mod tests {
         for forged in forged {
             assert_eq!(forged.validate(), Err(FieldError::CapGrid), "{forged:?}");
         }
-        assert!(matches!(CapGrid::new(sound, &[0; 7]), Err(FieldError::TableLength { .. })));
+        assert!(matches!(CapGrid::new(sound.clone(), &[0; 7]), Err(FieldError::TableLength { .. })));
+        let huge = CapGridFormat { points: u32::MAX, ..CapGridFormat::DEFAULT };
+        assert_eq!(huge.bytes(), u64::MAX);
+        assert_eq!(CapGrid::encode(with_format(huge), &[]), Err(FieldError::CapPoints { points: u32::MAX }));
+        let halves = with_format(CapGridFormat { precision: CapPrecision::F16, points: 4, ..CapGridFormat::DEFAULT });
+        let mut bytes = vec![0; halves.format.bytes() as usize];
+        assert!(CapGrid::new(halves.clone(), &bytes).is_ok());
+        // Infinity, then NaN.
+        for high in [0x7c, 0x7e] {
+            bytes[3] = high;
+            assert_eq!(CapGrid::new(halves.clone(), &bytes), Err(FieldError::CapGrid));
+        }
     }
 
     #[test]
