@@ -406,10 +406,8 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
     // In each direction; objects that are not told apart by direction all in the first.
     let mut visible = [[1.0_f32; N]; K];
     let mut open = Vectors::<N>::ZERO;
-    if !SOFT {
-        for lane in 0..N {
-            open.set(lane, normals.get(lane) * MEAN_COSINE);
-        }
+    for lane in 0..N {
+        open.set(lane, normals.get(lane) * MEAN_COSINE);
     }
     for occluder in occluders {
         let mut reach = [0.0; N];
@@ -464,14 +462,18 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
             }
         }
     }
+    let visibility = if SOFT { mean(&visible) } else { visible[0] };
     if SOFT {
+        // Few directions are not even around the normal: as much as is seen of what they lack is added.
+        for lane in 0..N {
+            open.set(lane, normals.get(lane) * (MEAN_COSINE * K as f32 * visibility[lane]));
+        }
         for k in 0..K {
             for lane in 0..N {
-                open.set(lane, open.get(lane) + directions[k].get(lane) * visible[k][lane]);
+                open.set(lane, open.get(lane) + directions[k].get(lane) * (visible[k][lane] - visibility[lane]));
             }
         }
     }
-    let visibility = if SOFT { mean(&visible) } else { visible[0] };
     let mut answers = [CapAmbient::UNOCCLUDED; N];
     for lane in 0..N {
         let bent_normal = bent_normal(open.get(lane), normals.get(lane));

@@ -240,7 +240,7 @@ fn ambient(receiver: Receiver) -> Ambient {
         directions[k] = cosine_direction(receiver.normal, samples[first_sample + k].xyz);
         visible[k] = 1.0;
     }
-    var open = select(receiver.normal * MEAN_COSINE, vec3<f32>(0.0), SOFT_CAPS);
+    var open = receiver.normal * MEAN_COSINE;
     for (var i = 0u; i < frame.instance_count; i++) {
         let source = instances[i].ambient_source;
         if !has_caps(source) {
@@ -282,10 +282,14 @@ fn ambient(receiver: Receiver) -> Ambient {
             visible[k] *= 1.0 - soft[k];
         }
     }
-    for (var k = 0u; SOFT_CAPS && k < DIRECTIONS; k++) {
-        open += directions[k] * visible[k];
-    }
     let visibility = select(visible[0], mean(&visible), SOFT_CAPS);
+    if SOFT_CAPS {
+        // Few directions are not even around the normal: as much as is seen of what they lack is added.
+        open = receiver.normal * (MEAN_COSINE * f32(DIRECTIONS) * visibility);
+        for (var k = 0u; k < DIRECTIONS; k++) {
+            open += directions[k] * (visible[k] - visibility);
+        }
+    }
     return Ambient(bent_normal(open, receiver.normal), 1.0 - visibility);
 }
 
