@@ -29,7 +29,7 @@ pub enum PoolError {
         /// Largest pool that the adapter can bind, in bytes.
         limit: u64,
     },
-    /// The passes read two-point tables only.
+    /// Of tables, the passes read two-point ones only.
     #[error("the GPU passes read two-point fields only; bake this one without `--representation hemisphere`")]
     Representation,
 }
@@ -221,12 +221,12 @@ impl FieldPool {
         self.statistics
     }
 
-    /// The buffer that shaders read tables from. Growth replaces it, so ask again each frame.
+    /// The buffer that shaders read fields from. Growth replaces it, so ask again each frame.
     pub fn buffer(&self) -> &wgpu::Buffer {
         &self.buffer
     }
 
-    /// Moves the tables to a buffer that has room for `words` more at its end.
+    /// Moves the fields to a buffer that has room for `words` more at its end.
     fn grow(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, words: u64) -> Result<(), PoolError> {
         let old = self.statistics.buffer_bytes / 4;
         let used = self.words.allocated_ranges().map(|range| range.end).max().unwrap_or(0);

@@ -74,9 +74,9 @@ fn grid_point(grid: u32, far_position: vec3<f32>) -> GridPoint {
 // Four bytes, or halves, of one grid point, as they are stored.
 fn texel(grid: u32, first: u32, index: u32) -> vec4<f32> {
     if cap_grids[grid].encoding == 0u {
-        return unpack4x8unorm(tables[first + index]) * 255.0;
+        return unpack4x8unorm(pool[first + index]) * 255.0;
     }
-    return vec4<f32>(unpack2x16float(tables[first + 2u * index]), unpack2x16float(tables[first + 2u * index + 1u]));
+    return vec4<f32>(unpack2x16float(pool[first + 2u * index]), unpack2x16float(pool[first + 2u * index + 1u]));
 }
 
 // Four harmonics at a position, interpolated: the first ones in plane 0.
@@ -95,7 +95,7 @@ fn plane_at(grid: u32, plane: u32, at: GridPoint) -> vec4<f32> {
 
 // Four numbers of the pool.
 fn numbers(first: u32) -> vec4<f32> {
-    return bitcast<vec4<f32>>(vec4<u32>(tables[first], tables[first + 1u], tables[first + 2u], tables[first + 3u]));
+    return bitcast<vec4<f32>>(vec4<u32>(pool[first], pool[first + 1u], pool[first + 2u], pool[first + 3u]));
 }
 
 // Between four points of the same z.
@@ -171,6 +171,7 @@ fn above_cutoff(occlusion: f32) -> f32 {
     return occlusion * clamp(occlusion * (1.0 / CUTOFF) - 1.0, 0.0, 1.0);
 }
 
+// Part of no pass yet: it needs a distance field.
 fn contact_occlusion(distance: f32, radius: f32, facing: f32) -> f32 {
     return clamp(1.0 - distance / (CONTACT_REACH * radius), 0.0, 1.0) * (1.0 - facing) * 0.5;
 }

@@ -1,7 +1,7 @@
 // Rays against one field, in field space. Twins: field/{octahedral,chord,lookup,encoding,query}.rs, same names, same order of
 // operations, so that both sides agree on table indices.
 //
-// Expects `tables: array<u32>`, the packed bytes of all fields, to be declared by the including shader.
+// Expects `pool: array<u32>`, the packed bytes of all fields, to be declared by the including shader.
 
 // How a table is encoded (layout::encoding_number).
 const U8: u32 = 0u;
@@ -14,7 +14,7 @@ const GRAZING: f32 = 1.0e-3;
 // √4π
 const SQRT_SPHERE: f32 = 3.5449077;
 
-// One table among `tables`: its first byte, a multiple of 4, the sides of its two grids, and how it is encoded. Stands for
+// One table in `pool`: its first byte, a multiple of 4, the sides of its two grids, and how it is encoded. Stands for
 // what Rust finds in a field: TwoPointGrid, Codes and Resolution.
 struct TableShape {
     first_byte: u32,
@@ -123,14 +123,14 @@ fn reversed_lookup(shape: TableShape, origin: vec3<f32>, direction: vec3<f32>, c
 // Byte `index` of a table.
 fn byte(shape: TableShape, index: u32) -> u32 {
     let at = shape.first_byte + index;
-    return (tables[at >> 2u] >> ((at & 3u) * 8u)) & 0xffu;
+    return (pool[at >> 2u] >> ((at & 3u) * 8u)) & 0xffu;
 }
 
 // The fraction of a chord at which the first surface is met, or NO_HIT.
 fn fraction(shape: TableShape, index: u32) -> f32 {
     switch shape.encoding {
         case BIT: {
-            let word = tables[(shape.first_byte >> 2u) + (index >> 5u)];
+            let word = pool[(shape.first_byte >> 2u) + (index >> 5u)];
             if ((word >> (index & 31u)) & 1u) == 0u {
                 return NO_HIT;
             }
@@ -141,11 +141,11 @@ fn fraction(shape: TableShape, index: u32) -> f32 {
             return min(f32(mean) * (1.0 / 254.0), 1.0);
         }
         case U16: {
-            let code = (tables[(shape.first_byte >> 2u) + (index >> 1u)] >> ((index & 1u) * 16u)) & 0xffffu;
+            let code = (pool[(shape.first_byte >> 2u) + (index >> 1u)] >> ((index & 1u) * 16u)) & 0xffffu;
             return select(f32(code) * (1.0 / 65534.0), NO_HIT, code == 65535u);
         }
         case F32: {
-            let value = bitcast<f32>(tables[(shape.first_byte >> 2u) + index]);
+            let value = bitcast<f32>(pool[(shape.first_byte >> 2u) + index]);
             return select(NO_HIT, value, value >= 0.0 && value <= 1.0);
         }
         default: {

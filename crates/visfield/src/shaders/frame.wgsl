@@ -1,4 +1,4 @@
-// What the trace and denoise passes share: the frame's parameters and receivers. Twin: estimate/frame.rs.
+// What all passes share: the frame's parameters and receivers. Twin: estimate/frame.rs.
 
 const MAX_LIGHTS: u32 = 3u;
 

@@ -28,7 +28,7 @@ struct Instance {
     light_source: u32,
 }
 
-@group(0) @binding(3) var<storage, read> tables: array<u32>;
+@group(0) @binding(3) var<storage, read> pool: array<u32>;
 @group(0) @binding(4) var<storage, read> instances: array<Instance>;
 
 fn transform(rows: array<vec4<f32>, 3>, v: vec4<f32>) -> vec3<f32> {

@@ -25,7 +25,7 @@ struct Shape {
     encoding: u32,
 }
 
-@group(0) @binding(0) var<storage, read> tables: array<u32>;
+@group(0) @binding(0) var<storage, read> pool: array<u32>;
 @group(0) @binding(1) var<storage, read> probes: array<Probe>;
 @group(0) @binding(2) var<storage, read_write> answers: array<Answer>;
 @group(0) @binding(3) var<storage, read> shapes: array<Shape>;
