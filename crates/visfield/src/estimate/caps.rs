@@ -69,7 +69,7 @@ pub struct CapSettings {
     pub combination: CapCombination,
     /// Objects fade out as their bounding sphere leaves this distance, in world units. Infinity counts all. A grid holds one
     /// object as a whole: below the size of objects this is coarse, and a [falloff](crate::field::cap_grid::Falloff) that is
-    /// baked in is better.
+    /// baked in is better, which is good from about the bounding radius of the mesh up; below that, rays are.
     pub max_distance: f32,
 }
 

@@ -59,7 +59,7 @@ struct CapGridArguments {
     #[arg(long, value_enum, default_value_t)]
     order: OrderName,
     /// Cap grid: how much a surface at a distance counts: none, exponential=TAU for e^(−TAU·distance), or linear=DISTANCE for
-    /// a fade that ends there. In mesh units
+    /// a fade that ends there. In mesh units; DISTANCE and 1/TAU well below the mesh's own radius are coarse
     #[arg(long, value_name = "FALLOFF", default_value = "none", value_parser = falloff)]
     falloff: Falloff,
     /// Cap grid: how its numbers are stored

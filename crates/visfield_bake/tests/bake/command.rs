@@ -142,6 +142,16 @@ fn what_a_game_cannot_do_with_a_field_is_noted() {
     assert!(!baked(&["--entries", "9", "--exits", "8"]).contains("note"));
     let bits = ["--entries", "9", "--exits", "8", "--encoding", "bit"];
     assert!(baked(&bits).contains("note: bits know no distances"));
+    // Its bounding radius is 1.73, in either shape.
+    for (falloff, coarse) in
+        [("linear=0.8", true), ("linear=0.9", false), ("exponential=1.2", true), ("exponential=1.1", false)]
+    {
+        for bounds in ["sphere", "ellipsoid"] {
+            let caps = ["--representation", "cap-grid", "--points", "8", "--bounds", bounds, "--falloff", falloff];
+            let report = baked(&caps);
+            assert_eq!(report.contains("is coarse on a mesh of radius 1.73"), coarse, "{falloff}: {report}");
+        }
+    }
     let papers = ["--representation", "hemisphere", "--positions", "50", "--directions", "8", "--map", "polar"];
     assert!(baked(&papers).contains("games render two-point fields only"));
     let inspected = text(&visfield(folder, &["inspect", "shape.vfield"]).stdout);

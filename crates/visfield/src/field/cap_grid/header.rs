@@ -78,9 +78,14 @@ impl CapPrecision {
 /// How much a surface at a distance occludes. Baked into the grid, so distances are in the mesh's own units and grow with an
 /// instance.
 ///
+/// A grid of a few points cannot follow what changes within a small part of the mesh. A reach ([`Falloff::reach`]) of about the
+/// mesh's bounding radius and up is good. Well below it is coarse: around a cow of radius 5.5, one that ends at 1 has a mean
+/// error of 0.058, the largest 0.77.
+///
 /// ```
 /// use visfield::field::cap_grid::Falloff;
 /// assert_eq!(Falloff::Linear { distance: 2.0 }.weight(0.5), 0.75);
+/// assert_eq!(Falloff::Exponential { tau: 4.0 }.reach(), 0.25);
 /// ```
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -90,12 +95,12 @@ pub enum Falloff {
     None,
     /// Obscurance, e^(−`tau`·distance) (2012, eq. 3.23, as occlusion).
     Exponential {
-        /// Per mesh unit; above 0.
+        /// Per mesh unit; above 0. Coarse well above 1 / the mesh's bounding radius.
         tau: f32,
     },
     /// From 1 at the surface evenly to 0 at `distance`.
     Linear {
-        /// In mesh units; above 0.
+        /// In mesh units; above 0. Coarse well below the mesh's bounding radius.
         distance: f32,
     },
 }
@@ -116,6 +121,16 @@ impl Falloff {
             Self::None => 1.0,
             Self::Exponential { tau } => (-tau * at).exp(),
             Self::Linear { distance } => (1.0 - at / distance).clamp(0.0, 1.0),
+        }
+    }
+
+    /// How far away surfaces count, in mesh units: the distance where a linear falloff ends, and 1 / `tau`; infinity without
+    /// falloff.
+    pub fn reach(self) -> f32 {
+        match self {
+            Self::None => f32::INFINITY,
+            Self::Exponential { tau } => tau.recip(),
+            Self::Linear { distance } => distance,
         }
     }
 
