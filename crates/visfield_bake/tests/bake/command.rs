@@ -57,6 +57,10 @@ fn bake_then_inspect() {
     assert_eq!(grid.format, CapGridFormat::default());
     assert!(grid.error.is_some_and(|error| error.outside > 0.0 && error.outside < 0.01), "{:?}", grid.error);
 
+    let message = error(folder, &["report", "shape.vfield"]);
+    let named = "shape.vfield: this is not JSON: ";
+    assert!(message.contains(named) && message.contains("name files that `visfield measure … --json FILE` wrote"));
+
     let inspected = text(&visfield(folder, &["inspect", "shape.vfield"]).stdout);
     for part in [
         "format version 3",
@@ -309,6 +313,9 @@ fn several_objects_are_measured_by_every_rule() {
     assert!(time(3) > 100.0 * time(0) && number(4, "mean_abs") > number(3, "mean_abs"));
 
     assert!(error(folder, &["measure", "many", "--meshes", "a.obj,c.obj"]).contains("c.obj: No such file"));
+    let crowded = visfield(folder, &["measure", "many", "--meshes", "a.obj,b.obj,a.obj", "--instances", "2"]);
+    let message = text(&crowded.stderr);
+    assert!(crowded.status.code() == Some(2) && message.contains("3 meshes are more than the 2 objects"), "{message}");
     fs::write(folder.join("flat.obj"), "v 0 0 0\nf 1 1 1\n").unwrap();
     let message = error(folder, &["measure", "many", "--meshes", "a.obj,flat.obj"]);
     assert!(message.contains("flat.obj: flat.obj: all its triangles have zero area"), "{message}");
@@ -429,6 +436,8 @@ fn usage_is_checked_and_explained() {
         (&["--falloff", "exponential=inf"], "the rate per mesh unit has to be finite and above 0"),
         (&["--falloff", "linear=far"], "the distance \"far\" is not a number"),
         (&["--representation", "two-point,hemisphere"], "a field holds one table"),
+        (&["--representation", "two-point,two-point"], "--representation names two-point twice"),
+        (&["--representation", "cap-grid", "--representation", "cap-grid"], "names cap-grid twice"),
         (&["--representation", "hemisphere", "--entries", "9"], "--entries is for two-point tables"),
         (&["--directions", "8"], "--directions is for hemisphere tables"),
         (&["--representation", "two-point", "--points", "8"], "--points is for cap grids"),
