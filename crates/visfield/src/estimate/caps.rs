@@ -11,10 +11,11 @@ use glam::{Affine3A, DVec3, Mat3, Vec3, Vec4};
 use pulp::{Arch, NullaryFnOnce};
 
 use super::sampling::sphere_samples;
+use super::source::OcclusionSource;
 use super::{FacingOccluder, Receiver, blocked_share, cosine_direction};
 use crate::field::VisibilityField;
 use crate::field::cap_grid::cap::{CUTOFF, Cap, above_cutoff, cap_occlusion};
-use crate::field::cap_grid::{CapGrid, HarmonicOrder, stretch};
+use crate::field::cap_grid::{CapGrid, stretch};
 use crate::field::lanes::Vectors;
 use crate::field::query::Bias;
 use crate::scene::{Placement, Scene};
@@ -68,7 +69,7 @@ pub struct CapSettings {
     pub combination: CapCombination,
     /// Objects fade out as their bounding sphere leaves this distance, in world units. Infinity counts all. A grid holds one
     /// object as a whole: below the size of objects this is coarse, and a [falloff](crate::field::cap_grid::Falloff) that is
-    /// baked in is better.
+    /// baked in is better, which is good from about the bounding radius of the mesh up; below that, rays are.
     pub max_distance: f32,
 }
 
@@ -143,74 +144,6 @@ impl CapPlacement {
     }
 }
 
-/// Half-angle of a light, in radians, from which cap grids can hide it: 15°. Smaller ones have edges that harmonics do not.
-pub const LARGE_LIGHT: f32 = 0.261_8;
-
-/// Which part of a field answers ambient occlusion, or hides a large light.
-///
-/// ```
-/// use visfield::estimate::caps::OcclusionSource;
-/// # let field = visfield::field::example_caps(); // no table
-/// assert_eq!(OcclusionSource::of(&field, true), OcclusionSource::CapGrid);
-/// assert_eq!(OcclusionSource::of(&field, false), OcclusionSource::None);
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OcclusionSource {
-    /// No part can.
-    None,
-    /// The table, by rays.
-    Rays,
-    /// The cap grid.
-    CapGrid,
-    /// The cap grid outside the mesh's bounding box, and rays inside, where the grid [is known to be
-    /// wrong](crate::field::cap_grid::CapGridError::serves_inside).
-    CapGridWithRaysInside,
-}
-
-impl OcclusionSource {
-    /// The part of a field to ask for ambient occlusion, where cap grids are wanted or are not.
-    pub fn of(field: &VisibilityField, caps: bool) -> Self {
-        Self::choose(field.answers_rays(), field.cap_grid().map(CapGrid::serves_inside), caps)
-    }
-
-    /// The part of a field to ask for a light of [`LARGE_LIGHT`] or more: for that, a grid needs
-    /// [`HarmonicOrder::Three`].
-    pub fn of_large_lights(field: &VisibilityField, caps: bool) -> Self {
-        let grid = field.cap_grid().filter(|grid| grid.header().format.order == HarmonicOrder::Three);
-        Self::choose(field.answers_rays(), grid.map(CapGrid::serves_inside), caps)
-    }
-
-    /// The same, of a field that answers rays or does not, and has a grid that serves inside its box or does not.
-    pub fn choose(answers_rays: bool, grid_serves_inside: Option<bool>, caps: bool) -> Self {
-        match (grid_serves_inside.filter(|_| caps), answers_rays) {
-            (Some(false), true) => Self::CapGridWithRaysInside,
-            (Some(_), _) => Self::CapGrid,
-            (None, true) => Self::Rays,
-            (None, false) => Self::None,
-        }
-    }
-
-    /// Whether the grid is asked anywhere.
-    pub fn has_caps(self) -> bool {
-        matches!(self, Self::CapGrid | Self::CapGridWithRaysInside)
-    }
-
-    /// Whether rays are sent from anywhere.
-    pub fn has_rays(self) -> bool {
-        matches!(self, Self::Rays | Self::CapGridWithRaysInside)
-    }
-
-    /// Which share of a receiver's rays is sent, where the grid's [inside share](CapGrid::inside_share) is given. What is not
-    /// sent, the grid answers, if it is asked at all.
-    pub fn share_of_rays(self, inside_share: f32) -> f32 {
-        match self {
-            Self::None | Self::CapGrid => 0.0,
-            Self::Rays => 1.0,
-            Self::CapGridWithRaysInside => inside_share,
-        }
-    }
-}
-
 /// An instance with a cap grid.
 #[derive(Clone, Copy, Debug)]
 pub struct CapOccluder<'a> {
@@ -235,8 +168,8 @@ impl<'a> CapOccluder<'a> {
         &self.placement
     }
 
-    /// How much of a disc of the sky it hides, as [`CapGrid::light_occlusion`] has it, from 0 to 1, less what is left to rays. Where the scale is uneven, the
-    /// disc is taken for one of the same size in the mesh's space.
+    /// How much of a disc of the sky it hides, as [`CapGrid::light_occlusion`] has it, from 0 to 1, less what is left to rays.
+    /// Where the scale is uneven, the disc is taken for one of the same size in the mesh's space.
     pub(super) fn light_occlusion(&self, position: Vec3, axis: Vec3, half_angle: f32) -> f32 {
         let map = self.cap.cap_from_world;
         let (local, axis) = (map.transform_point3(position), unit(map.transform_vector3(axis)));

@@ -4,10 +4,11 @@
 
 use glam::{IVec2, Mat4, UVec2, Vec2, Vec3, Vec4, uvec2, vec2};
 
-use super::caps::{CapCombination, CapOccluder, CapSettings, LARGE_LIGHT, OcclusionSource, ambient};
+use super::caps::{CapCombination, CapOccluder, CapSettings, ambient};
 use super::sampling::{
     AMBIENT_INTERLEAVE_BITS, DiscBasis, LIGHT_INTERLEAVE_BITS, disc_samples, interleave_index, residues, sphere_samples,
 };
+use super::source::{LARGE_LIGHT, OcclusionSource};
 use super::{FacingOccluder, cosine_direction};
 use crate::field::VisibilityField;
 use crate::field::query::Bias;

@@ -5,6 +5,7 @@ pub mod caps;
 pub mod frame;
 pub mod harmonic_visibility;
 pub mod sampling;
+pub mod source;
 
 use glam::{DVec3, Vec3};
 

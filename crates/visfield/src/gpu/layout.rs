@@ -4,9 +4,10 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Affine3A, UVec2, Vec3};
 
 use super::FieldSlot;
-use crate::estimate::caps::{CapCombination, CapPlacement, OcclusionSource};
+use crate::estimate::caps::{CapCombination, CapPlacement};
 use crate::estimate::frame::{FrameLight, MAX_LIGHTS, TraceSettings};
 use crate::estimate::sampling::sphere_samples;
+use crate::estimate::source::OcclusionSource;
 use crate::field::cap_grid::warp::AxisWarp;
 use crate::field::cap_grid::{CapPrecision, HarmonicOrder};
 use crate::field::{CapGrid, Encoding};
@@ -44,7 +45,7 @@ pub struct InstanceData {
     pub ambient_source: u32,
     /// [`CapPlacement::stretched`]
     pub stretched: f32,
-    /// The same as `ambient_source`, for lights of [`LARGE_LIGHT`](crate::estimate::caps::LARGE_LIGHT) and more.
+    /// The same as `ambient_source`, for lights of [`LARGE_LIGHT`](crate::estimate::source::LARGE_LIGHT) and more.
     pub light_source: u32,
 }
 

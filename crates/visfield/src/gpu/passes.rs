@@ -5,8 +5,9 @@ use thiserror::Error;
 
 use super::layout::{FrameUniform, InstanceData, is_source, sample_data};
 use super::{FieldPool, caps_source, denoise_source, trace_source};
-use crate::estimate::caps::{CapCombination, OcclusionSource};
+use crate::estimate::caps::CapCombination;
 use crate::estimate::frame::{FrameLight, TraceSettings};
+use crate::estimate::source::OcclusionSource;
 
 /// Format of the occlusion texture. Its red channel is ambient visibility; green and blue are the *occlusion* of lights 0
 /// and 1, alpha the *visibility* of light 2, so that a texture with only a red channel reads as "no shadows".

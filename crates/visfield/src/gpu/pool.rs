@@ -20,8 +20,8 @@ const HEADER_WORDS: u64 = (size_of::<CapGridData>() / 4) as u64;
 pub enum PoolError {
     /// The pool would exceed what the adapter can bind at once.
     #[error(
-        "a field of {bytes} bytes does not fit the field pool of at most {limit} bytes; bake smaller tables (fewer \
-         entries or exits) or use fewer meshes"
+        "a field of {bytes} bytes does not fit the field pool of at most {limit} bytes; bake smaller parts (fewer \
+         entries, exits or points) or use fewer meshes"
     )]
     Full {
         /// Bytes that were asked for.

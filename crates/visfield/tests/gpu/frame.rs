@@ -196,6 +196,27 @@ fn frames(
     lights: &[FrameLight],
     settings: TraceSettings,
 ) -> [Vec<Vec4>; 2] {
+    OcclusionPasses::check(&device.limits()).unwrap();
+    let passes = OcclusionPasses::new(device);
+    let gpu = gpu_frame(device, queue, (&passes, &mut OcclusionView::new()), occluders, lights, settings);
+    // The twin sees the normals as the texture holds them.
+    let quantised = |n: &Vec3| ((*n + 1.0) * 127.5).round() / 127.5 - 1.0;
+    let geometry = geometry();
+    let geometry = GeometryBuffer { normals: geometry.normals.iter().map(quantised).collect(), ..geometry };
+    let referenced: Vec<_> = occluders.placements.iter().map(|(p, field)| (*p, &occluders.fields[*field])).collect();
+    let cpu = occlusion(&geometry, &referenced, lights, &settings).into_iter();
+    [gpu, cpu.map(|cpu| Vec4::new(1.0 - cpu.x, cpu.y, cpu.z, 1.0 - cpu.w)).collect()]
+}
+
+/// The frame of the passes alone.
+fn gpu_frame(
+    device: &wgpu::Device,
+    queue: &wgpu::Queue,
+    (passes, view): (&OcclusionPasses, &mut OcclusionView),
+    occluders: &Occluders,
+    lights: &[FrameLight],
+    settings: TraceSettings,
+) -> Vec<Vec4> {
     let geometry = geometry();
     let mut pool = FieldPool::new(device);
     let slots: Vec<_> = occluders.fields.iter().map(|field| pool.insert(device, queue, field).unwrap()).collect();
@@ -217,13 +238,12 @@ fn frames(
     let output = texture(device, OUTPUT_FORMAT, wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC);
     let view_of = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    OcclusionPasses::check(&device.limits()).unwrap();
-    OcclusionPasses::new(device).encode(
+    passes.encode(
         device,
         queue,
         &mut encoder,
         &pool,
-        &mut OcclusionView::new(),
+        view,
         &FrameInputs {
             depth: &view_of(&depth_texture),
             normals: &view_of(&normal_texture),
@@ -240,13 +260,7 @@ fn frames(
     for (pixel, depth) in gpu.iter().zip(&geometry.depth) {
         assert!(*depth > 0.0 || *pixel == Vec4::new(1.0, 0.0, 0.0, 1.0), "the sky is not occluded: {pixel}");
     }
-
-    // The twin sees the normals as the texture holds them.
-    let quantised = |n: &Vec3| ((*n + 1.0) * 127.5).round() / 127.5 - 1.0;
-    let geometry = GeometryBuffer { normals: geometry.normals.iter().map(quantised).collect(), ..geometry };
-    let referenced: Vec<_> = occluders.placements.iter().map(|(p, field)| (*p, &occluders.fields[*field])).collect();
-    let cpu = occlusion(&geometry, &referenced, lights, &settings).into_iter();
-    [gpu, cpu.map(|cpu| Vec4::new(1.0 - cpu.x, cpu.y, cpu.z, 1.0 - cpu.w)).collect()]
+    gpu
 }
 
 /// How many pixels show occlusion, by channel, and how many differ by more than .002.
@@ -394,4 +408,31 @@ fn caps_alone_make_the_same_frame_again() {
     let [second, _] = frames(&device, &queue, &occluders, &[], settings);
     assert!(first.iter().any(|pixel| pixel.x < 0.9), "the frame shows something");
     assert!(first == second, "bit for bit");
+}
+
+#[test]
+fn a_view_keeps_nothing_of_the_frame_before() {
+    let Some((device, queue)) = device() else { return };
+    let one = [(0, moved(-0.3, -1.2, -2.6))];
+    let many =
+        [(4, moved(-0.3, -1.0, -1.6)), (1, squeezed()), (2, moved(0.2, -1.6, -2.0)), (3, moved(-1.2, -1.5, -2.0))];
+    let [alone, all] = [&one[..], &many].map(|some| Occluders::new(caps_of_all_kinds(), some.iter().copied()));
+    let lights = lights();
+    let rays = TraceSettings { ambient_rays: 5, shadow_rays: 3, ..TraceSettings::default() };
+    let caps = TraceSettings { caps: Some(CapCombination::default()), ..rays };
+    let sixteen = TraceSettings { caps: Some(CapCombination::SoftCaps { directions: 16 }), ..rays };
+    let passes = OcclusionPasses::new(&device);
+    let mut kept = OcclusionView::new();
+    for (name, occluders, lights, settings) in [
+        ("caps alone", &alone, &[][..], caps),
+        ("caps with lights", &all, &lights, caps),
+        ("rays", &all, &lights[1..], rays),
+        ("caps without ambient rays", &all, &[], TraceSettings { ambient_rays: 0, ..sixteen }),
+        ("caps alone again", &alone, &[], caps),
+    ] {
+        let frame = |view| gpu_frame(&device, &queue, (&passes, view), occluders, lights, settings);
+        let (reused, fresh) = (frame(&mut kept), frame(&mut OcclusionView::new()));
+        assert!(fresh.iter().filter(|pixel| pixel.x < 0.95).count() > 50, "{name}: the frame shows something");
+        assert!(reused == fresh, "{name}");
+    }
 }

@@ -1,15 +1,34 @@
-//! The pool keeps every table intact while it grows and frees, and says when it is full.
+//! The pool keeps every part intact while it grows and frees, and says when it is full.
 
+use visfield::field::cap_grid::{self, CapGridHeader, CapPrecision, HarmonicOrder};
 use visfield::field::directions::DirectionMap;
-use visfield::field::{ball, ball_field};
-use visfield::gpu::layout::CapGridData;
+use visfield::field::{FieldParts, ball, ball_field};
+use visfield::gpu::layout::{CapGridData, cap_grid_words};
 use visfield::gpu::{FieldPool, FieldSlot, PoolError};
-use visfield::{Encoding, Representation, VisibilityField};
+use visfield::{CapGridFormat, Encoding, Representation, VisibilityField};
 
 use super::device::{device, read_buffer};
 
 /// Places are as long as whole numbers of these.
 const HEADER_BYTES: u64 = size_of::<CapGridData>() as u64;
+
+/// Each part of a field lies where its slot says. `content` is the whole buffer.
+fn assert_intact(content: &[u8], slot: &FieldSlot, field: &VisibilityField) {
+    assert_eq!(slot.table().is_some(), field.table().is_some());
+    if let (Some(slot), Some(table)) = (slot.table(), field.table()) {
+        let start = slot.first_byte as usize;
+        assert!(content[start..start + table.bytes().len()] == *table.bytes(), "table at {start}");
+    }
+    assert_eq!(slot.cap_grid().is_some(), field.cap_grid().is_some());
+    if let (Some(slot), Some(grid)) = (slot.cap_grid(), field.cap_grid()) {
+        let start = slot.number as usize * size_of::<CapGridData>();
+        let first_texel = start + size_of::<CapGridData>();
+        let (words, header) = (cap_grid_words(grid), CapGridData::new(grid, (first_texel / 4) as u32));
+        assert!(content[start..first_texel] == *bytemuck::bytes_of(&header), "header at {start}");
+        let points: &[u8] = bytemuck::cast_slice(&words);
+        assert!(content[first_texel..first_texel + points.len()] == *points, "points at {first_texel}");
+    }
+}
 
 #[test]
 fn tables_survive_growth_and_removal() {
@@ -30,10 +49,73 @@ fn tables_survive_growth_and_removal() {
 
     let content = read_buffer(&device, &queue, pool.buffer(), before.buffer_bytes);
     for (slot, field) in slots.iter().zip(&fields) {
-        let start = slot.table().unwrap().first_byte as usize;
-        let table = field.table().unwrap().bytes();
-        assert!(content[start..start + table.len()] == *table, "table at {start}");
+        assert_intact(&content, slot, field);
     }
+}
+
+/// Fields that are as large for every `radius`, and hold other numbers: a cap grid beside a table that ends in the middle of a
+/// word, a cap grid of many harmonics alone, and such a table alone.
+fn fields_with_caps(radius: f32) -> [VisibilityField; 3] {
+    let grid = |order: HarmonicOrder, precision, points| {
+        let numbers = vec![0.0; order.coefficients()];
+        Some(cap_grid::ball(CapGridHeader {
+            format: CapGridFormat { order, precision, points, ..CapGridFormat::DEFAULT },
+            half_extents: [1.0, 0.8, radius],
+            low: numbers.clone(),
+            range: numbers,
+            ..CapGridHeader::default()
+        }))
+    };
+    let ball = ball_field(radius, 31, 15);
+    let table = ball.table().cloned();
+    assert_eq!(ball.bytes() % 4, 1);
+    [
+        FieldParts { cap_grid: grid(HarmonicOrder::One, CapPrecision::U8, 9), table: table.clone() },
+        FieldParts { cap_grid: grid(HarmonicOrder::Three, CapPrecision::F16, 7), table: None },
+        FieldParts { cap_grid: None, table },
+    ]
+    .map(|parts| VisibilityField::new(ball.header().clone(), parts).unwrap())
+}
+
+#[test]
+fn cap_grids_survive_growth_and_removal() {
+    let Some((device, queue)) = device() else { return };
+    let mut pool = FieldPool::new(&device);
+    let mut fields: Vec<VisibilityField> = [0.3, 0.4, 0.5].into_iter().flat_map(fields_with_caps).collect();
+    let mut slots: Vec<FieldSlot> = fields.iter().map(|f| pool.insert(&device, &queue, f).unwrap()).collect();
+    let before = pool.statistics();
+    assert!(before.buffer_bytes >= before.resident_bytes && before.resident_bytes > 600_000, "it had to grow, often");
+    let check = |pool: &FieldPool, slots: &[FieldSlot], fields: &[VisibilityField]| {
+        let content = read_buffer(&device, &queue, pool.buffer(), pool.statistics().buffer_bytes);
+        for (slot, field) in slots.iter().zip(fields) {
+            assert_intact(&content, slot, field);
+        }
+    };
+    check(&pool, &slots, &fields);
+
+    // Others of the same sizes take the freed places, in another order.
+    for (index, field) in (3..).zip(fields_with_caps(0.7)) {
+        fields[index] = field;
+    }
+    for slot in slots.drain(3..6) {
+        pool.remove(slot);
+    }
+    let mut again: Vec<FieldSlot> =
+        fields[3..6].iter().rev().map(|f| pool.insert(&device, &queue, f).unwrap()).collect();
+    again.reverse();
+    slots.splice(3..3, again);
+    let after = pool.statistics();
+    assert_eq!((after.resident_bytes, after.buffer_bytes), (before.resident_bytes, before.buffer_bytes));
+    check(&pool, &slots, &fields);
+
+    // And stay as they are when the buffer grows once more.
+    while pool.statistics().buffer_bytes == before.buffer_bytes {
+        for field in fields_with_caps(0.6) {
+            slots.push(pool.insert(&device, &queue, &field).unwrap());
+            fields.push(field);
+        }
+    }
+    check(&pool, &slots, &fields);
 }
 
 #[test]

@@ -220,6 +220,16 @@ fn note_limits(field: &VisibilityField, report: &mut String) {
              where it has none"
         );
     }
+    if let Some(reach) = field.cap_grid().map(|grid| grid.header().format.falloff.reach()) {
+        let radius = bounding_radius(field);
+        if f64::from(reach) < SMALLEST_REACH * radius {
+            _ = writeln!(
+                report,
+                "  note: a falloff that reaches {reach} is coarse on a mesh of radius {radius:.3}; from about that radius up it is \
+                 good"
+            );
+        }
+    }
     let Some(table) = field.table() else { return };
     if matches!(table.representation(), Representation::Hemisphere { .. }) {
         _ = writeln!(report, "  note: for comparisons; games render two-point fields only");
@@ -227,6 +237,15 @@ fn note_limits(field: &VisibilityField, report: &mut String) {
     if table.encoding() == Encoding::Bit {
         _ = writeln!(report, "  note: bits know no distances; the mesh looks black where it receives occlusion itself");
     }
+}
+
+/// Share of the bounding radius below which a falloff's reach is noted.
+const SMALLEST_REACH: f64 = 0.5;
+
+/// The longest axis of what surrounds the mesh, in mesh units.
+fn bounding_radius(field: &VisibilityField) -> f64 {
+    let axes = field.header().bounds.mesh_from_field().matrix3;
+    [axes.x_axis, axes.y_axis, axes.z_axis].into_iter().fold(0.0, |longest, axis| longest.max(axis.length()))
 }
 
 /// Whether nothing can be gained by going on to the next mesh. A mesh that cannot be baked is left out of several; limits

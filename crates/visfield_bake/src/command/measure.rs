@@ -274,7 +274,7 @@ struct Objects {
     /// The meshes: .glb, .gltf or .obj files, all their primitives in turn
     #[arg(long, value_name = "FILES", value_delimiter = ',', required = true)]
     meshes: Vec<PathBuf>,
-    /// Number of objects, 1 to 64
+    /// Number of objects, as many as meshes at least, 1 to 64
     #[arg(long, value_name = "COUNT", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=64))]
     instances: u8,
     /// Points of each cap grid along each axis, 4 to 64
@@ -389,8 +389,12 @@ impl Objects {
                 meshes.push(mesh);
             }
         }
+        let instances = self.instances.into();
+        if meshes.len() > instances {
+            return Err(CommandError::TooManyMeshes { meshes: meshes.len(), instances });
+        }
         let question = ManyQuestion {
-            instances: self.instances.into(),
+            instances,
             cap_grid: CapGridFormat { points: self.points, ..CapGridFormat::DEFAULT },
             ..ManyQuestion::default()
         };

@@ -66,6 +66,11 @@ pub(crate) enum CommandError {
     NothingBaked { path: PathBuf, meshes: usize },
     #[error("{path}: this file is read, and would be overwritten; choose another output")]
     OutputIsInput { path: PathBuf },
+    #[error(
+        "{meshes} meshes are more than the {instances} objects of --instances, and some would be left out; raise it, up to \
+         64, or name fewer files"
+    )]
+    TooManyMeshes { meshes: usize, instances: usize },
     #[error("{path}: the folder does not exist; create it, or choose another output")]
     NoOutputFolder { path: PathBuf },
     #[error("{0}; choose another output with -o")]
@@ -76,6 +81,13 @@ pub(crate) enum CommandError {
     Document(#[from] DocumentError),
     #[error("the report cannot be written: {0}")]
     Report(io::Error),
+}
+
+impl CommandError {
+    /// 2 for errors of usage, as clap has it, 1 for others.
+    pub(crate) fn exit_code(&self) -> u8 {
+        if matches!(self, Self::TooManyMeshes { .. }) { 2 } else { 1 }
+    }
 }
 
 /// Finds out before the work whether its result could be stored at all, and would not take the place of an input.

@@ -59,7 +59,7 @@ struct CapGridArguments {
     #[arg(long, value_enum, default_value_t)]
     order: OrderName,
     /// Cap grid: how much a surface at a distance counts: none, exponential=TAU for e^(−TAU·distance), or linear=DISTANCE for
-    /// a fade that ends there. In mesh units
+    /// a fade that ends there. In mesh units; DISTANCE and 1/TAU well below the mesh's own radius are coarse
     #[arg(long, value_name = "FALLOFF", default_value = "none", value_parser = falloff)]
     falloff: Falloff,
     /// Cap grid: how its numbers are stored
@@ -219,6 +219,11 @@ fn check(matches: &ArgMatches) -> Result<(), clap::Error> {
         let mut ids = matches.try_get_many::<Id>(group).ok().flatten().into_iter().flatten();
         ids.next().map(|id| format!("--{}", id.as_str().replace('_', "-")))
     };
+    let mut parts = names.iter().enumerate();
+    if let Some((_, twice)) = parts.find(|&(index, name)| names[..index].contains(name)) {
+        let name = twice.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
+        return conflict(format!("--representation names {name} twice: a field holds one; name it once"));
+    }
     if two_point && hemisphere {
         return conflict("a field holds one table: choose two-point or hemisphere for --representation".to_owned());
     }

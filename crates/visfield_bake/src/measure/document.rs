@@ -85,7 +85,7 @@ pub enum DocumentError {
         source: io::Error,
     },
     /// The file is not JSON.
-    #[error("{path}: this is not JSON: {source}")]
+    #[error("{path}: this is not JSON: {source}; name files that `visfield measure \u{2026} --json FILE` wrote")]
     Json {
         /// The file.
         path: PathBuf,

@@ -57,6 +57,10 @@ fn bake_then_inspect() {
     assert_eq!(grid.format, CapGridFormat::default());
     assert!(grid.error.is_some_and(|error| error.outside > 0.0 && error.outside < 0.01), "{:?}", grid.error);
 
+    let message = error(folder, &["report", "shape.vfield"]);
+    let named = "shape.vfield: this is not JSON: ";
+    assert!(message.contains(named) && message.contains("name files that `visfield measure … --json FILE` wrote"));
+
     let inspected = text(&visfield(folder, &["inspect", "shape.vfield"]).stdout);
     for part in [
         "format version 3",
@@ -142,6 +146,16 @@ fn what_a_game_cannot_do_with_a_field_is_noted() {
     assert!(!baked(&["--entries", "9", "--exits", "8"]).contains("note"));
     let bits = ["--entries", "9", "--exits", "8", "--encoding", "bit"];
     assert!(baked(&bits).contains("note: bits know no distances"));
+    // Its bounding radius is 1.73, in either shape.
+    for (falloff, coarse) in
+        [("linear=0.8", true), ("linear=0.9", false), ("exponential=1.2", true), ("exponential=1.1", false)]
+    {
+        for bounds in ["sphere", "ellipsoid"] {
+            let caps = ["--representation", "cap-grid", "--points", "8", "--bounds", bounds, "--falloff", falloff];
+            let report = baked(&caps);
+            assert_eq!(report.contains("is coarse on a mesh of radius 1.73"), coarse, "{falloff}: {report}");
+        }
+    }
     let papers = ["--representation", "hemisphere", "--positions", "50", "--directions", "8", "--map", "polar"];
     assert!(baked(&papers).contains("games render two-point fields only"));
     let inspected = text(&visfield(folder, &["inspect", "shape.vfield"]).stdout);
@@ -299,6 +313,9 @@ fn several_objects_are_measured_by_every_rule() {
     assert!(time(3) > 100.0 * time(0) && number(4, "mean_abs") > number(3, "mean_abs"));
 
     assert!(error(folder, &["measure", "many", "--meshes", "a.obj,c.obj"]).contains("c.obj: No such file"));
+    let crowded = visfield(folder, &["measure", "many", "--meshes", "a.obj,b.obj,a.obj", "--instances", "2"]);
+    let message = text(&crowded.stderr);
+    assert!(crowded.status.code() == Some(2) && message.contains("3 meshes are more than the 2 objects"), "{message}");
     fs::write(folder.join("flat.obj"), "v 0 0 0\nf 1 1 1\n").unwrap();
     let message = error(folder, &["measure", "many", "--meshes", "a.obj,flat.obj"]);
     assert!(message.contains("flat.obj: flat.obj: all its triangles have zero area"), "{message}");
@@ -419,6 +436,8 @@ fn usage_is_checked_and_explained() {
         (&["--falloff", "exponential=inf"], "the rate per mesh unit has to be finite and above 0"),
         (&["--falloff", "linear=far"], "the distance \"far\" is not a number"),
         (&["--representation", "two-point,hemisphere"], "a field holds one table"),
+        (&["--representation", "two-point,two-point"], "--representation names two-point twice"),
+        (&["--representation", "cap-grid", "--representation", "cap-grid"], "names cap-grid twice"),
         (&["--representation", "hemisphere", "--entries", "9"], "--entries is for two-point tables"),
         (&["--directions", "8"], "--directions is for hemisphere tables"),
         (&["--representation", "two-point", "--points", "8"], "--points is for cap grids"),
