@@ -31,6 +31,9 @@
 //! - Opaque and alpha-masked surfaces receive occlusion. Transparent ones are lit by what lies behind them, as with Bevy's
 //!   own screen-space ambient occlusion.
 //! - Every camera masks the first three directional lights that it sees; others stay unshadowed, with one warning.
+//! - A field with a cap grid alone casts no shadows, but of lights of 15° and more if it was baked with `--order 3`.
+//! - Cap grids do not resolve what is smaller than their cells: contacts are soft, and an object's own creases shallow.
+//!   [`OcclusionEstimator::Rays`] shows more of both.
 //! - Light that a material lets through (`diffuse_transmission`) is not shadowed by fields.
 //! - [`FieldOcclusion`] takes the place of Bevy's `ScreenSpaceAmbientOcclusion` on its camera, and like it needs
 //!   `Msaa::Off`. Bevy still allocates that effect's textures.
