@@ -328,6 +328,11 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
     settings: &CapSettings,
     points: &[Vec3],
 ) -> [CapAmbient; N] {
+    let mut unit_normals = Vectors::<N>::ZERO;
+    for lane in 0..N {
+        unit_normals.set(lane, unit(normals.get(lane)));
+    }
+    let normals = &unit_normals;
     let mut directions = [Vectors::<N>::ZERO; K];
     if SOFT {
         for k in 0..K {
@@ -350,12 +355,11 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
         if reach.iter().all(|reach| *reach <= 0.0) {
             continue;
         }
-        let map = Map::new(&occluder.cap.cap_from_world);
+        let map = Map::new(&occluder.cap);
         let seen = Seen::new(occluder.grid, &map, positions);
-        let mut soft = [[0.0; N]; K];
         let mut occlusion = [0.0; N];
         for lane in 0..N {
-            let normal = unit(map.linear * normals.get(lane));
+            let normal = map.turned(normals.get(lane));
             occlusion[lane] = cap_occlusion(seen.harmonics(lane), &seen.cap(lane), normal);
         }
         let stretched = occluder.cap.stretched;
@@ -379,6 +383,7 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
             continue;
         }
         if SOFT {
+            let mut soft = [[0.0; N]; K];
             seen.soften(&map, &directions, &mut soft);
             distribute(&mut soft, &occlusion);
             for k in 0..K {
@@ -388,8 +393,7 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
             }
         } else {
             for lane in 0..N {
-                // The transpose turns back, and does not stretch.
-                let towards = unit(map.transpose * seen.axes.get(lane));
+                let towards = map.turned_back(seen.axes.get(lane));
                 open.set(lane, open.get(lane) - towards * occlusion[lane]);
                 visible[0][lane] *= 1.0 - occlusion[lane];
             }
@@ -428,17 +432,42 @@ const SMALLEST_OPEN: f32 = 1.0e-6;
 /// Mean cosine of the directions of a hemisphere, weighted by their cosine.
 const MEAN_COSINE: f32 = 2.0 / 3.0;
 
-/// An affine map in plain numbers: `Affine3A` is made of short vectors, which do not become long ones.
+/// A grid's place in plain numbers: `Affine3A` is made of short vectors, which do not become long ones.
 struct Map {
     linear: Mat3,
-    transpose: Mat3,
     translation: Vec3,
+    /// The linear part without its scale.
+    turn: Mat3,
+    /// Its transpose, which turns back.
+    turn_back: Mat3,
+    /// Whether turned unit vectors are unit vectors.
+    even: bool,
 }
 
 impl Map {
-    fn new(map: &Affine3A) -> Self {
-        let linear = Mat3::from(map.matrix3);
-        Self { linear, transpose: linear.transpose(), translation: map.translation.into() }
+    fn new(cap: &CapPlacement) -> Self {
+        let linear = Mat3::from(cap.cap_from_world.matrix3);
+        let squared = [linear.x_axis, linear.y_axis, linear.z_axis].map(Vec3::length_squared).iter().sum::<f32>() / 3.0;
+        let turn = linear * (1.0 / squared.sqrt().max(f32::MIN_POSITIVE));
+        let translation = cap.cap_from_world.translation.into();
+        Self { linear, translation, turn, turn_back: turn.transpose(), even: cap.stretched <= 0.0 }
+    }
+
+    /// A unit vector of the world, in cap space.
+    #[inline(always)]
+    fn turned(&self, direction: Vec3) -> Vec3 {
+        self.made_unit(self.turn * direction)
+    }
+
+    /// A unit vector of cap space, in the world.
+    #[inline(always)]
+    fn turned_back(&self, direction: Vec3) -> Vec3 {
+        self.made_unit(self.turn_back * direction)
+    }
+
+    #[inline(always)]
+    fn made_unit(&self, turned: Vec3) -> Vec3 {
+        if self.even { turned } else { unit(turned) }
     }
 }
 
@@ -486,7 +515,7 @@ impl<const N: usize> Seen<N> {
         let softness = 1.0 - 0.7 / K as f32;
         for k in 0..K {
             for lane in 0..N {
-                let direction = unit(map.linear * directions[k].get(lane));
+                let direction = map.turned(directions[k].get(lane));
                 soft[k][lane] = self.cap(lane).soft_occlusion(direction, softness);
             }
         }
@@ -507,7 +536,7 @@ fn reach_of(placement: &Placement, position: Vec3, max_distance: f32) -> f32 {
     let (squared, radius) = (to_center.dot(to_center), placement.radius);
     let near = radius * radius > CUTOFF * squared;
     let nearest = (squared.sqrt() - radius).max(0.0);
-    let share = ((max_distance - nearest) / (2.0 * radius)).clamp(0.0, 1.0);
+    let share = ((max_distance - nearest) * (0.5 / radius)).clamp(0.0, 1.0);
     if near { share } else { 0.0 }
 }
 

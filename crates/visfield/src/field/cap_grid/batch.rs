@@ -64,10 +64,12 @@ impl CapGrid {
         let points = self.header.format.points as usize;
         let words = &self.words[first_word + word..];
         let mut found = [[0; N]; CORNERS];
-        for corner in 0..CORNERS {
-            let offset = (corner & 1) + points * ((corner >> 1 & 1) + points * (corner >> 2));
+        // Two points that are next to each other at a time.
+        for corner in (0..CORNERS).step_by(2) {
+            let offset = points * ((corner >> 1 & 1) + points * (corner >> 2));
             for lane in 0..N {
-                found[corner][lane] = words[(first[lane] as usize + offset) * stride];
+                let pair = &words[(first[lane] as usize + offset) * stride..][..stride + 1];
+                (found[corner][lane], found[corner + 1][lane]) = (pair[0], pair[stride]);
             }
         }
         found

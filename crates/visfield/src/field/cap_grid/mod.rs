@@ -224,7 +224,10 @@ impl GridPoint {
     #[inline(always)]
     pub(super) fn index(&self, points: u32) -> u32 {
         let side = points as f32;
-        ((self.first.z * side + self.first.y) * side + self.first.x) as u32
+        // Above 2²³ the fraction of a float is a whole number. A cast would say what becomes of others, and be no vector
+        // instruction for it.
+        let above = (self.first.z * side + self.first.y) * side + self.first.x + 8_388_608.0;
+        above.to_bits() & 0x7f_ffff
     }
 }
 
