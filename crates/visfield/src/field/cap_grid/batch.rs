@@ -1,10 +1,5 @@
 //! Many receivers against one grid at once. One receiver is a batch of one: there is no other way to read a grid.
 
-#![expect(
-    clippy::needless_range_loop,
-    reason = "lane by lane through several arrays: that is what becomes vector instructions"
-)]
-
 use half::f16;
 
 use super::{CapGrid, CapPrecision, GridPoint};
@@ -68,7 +63,7 @@ impl CapGrid {
         for corner in (0..CORNERS).step_by(2) {
             let offset = points * ((corner >> 1 & 1) + points * (corner >> 2));
             for lane in 0..N {
-                let pair = &words[(first[lane] as usize + offset) * stride..][..stride + 1];
+                let pair = &words[(first[lane] as usize + offset) * stride..][..=stride];
                 (found[corner][lane], found[corner + 1][lane]) = (pair[0], pair[stride]);
             }
         }
