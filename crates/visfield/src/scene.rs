@@ -136,15 +136,19 @@ impl Placement {
     /// assert_eq!(mirrored.field_normal(Vec3::Y), -Vec3::Y);
     /// ```
     pub fn field_normal(&self, normal: Vec3) -> Vec3 {
-        let linear = self.field_from_world.matrix3;
-        let rows = [0, 1, 2].map(|i| Vec3::from(linear.row(i)));
-        // Products of three components of tiny or huge objects would leave the range of f32.
-        let largest = rows.iter().map(|row| row.abs().max_element()).fold(0.0, f32::max);
-        let [x, y, z] = rows.map(|row| row / largest);
+        let [x, y, z] = scaled_rows(&self.field_from_world);
         let cofactors = vec3(y.cross(z).dot(normal), z.cross(x).dot(normal), x.cross(y).dot(normal));
         let orientation = if x.dot(y.cross(z)) < 0.0 { -1.0 } else { 1.0 };
         cofactors.normalize_or_zero() * orientation
     }
+}
+
+/// The linear part of an affine map, scaled to a largest component of 1: products of three components of tiny or huge objects
+/// would leave the range of `f32`.
+pub(crate) fn scaled_rows(map: &Affine3A) -> [Vec3; 3] {
+    let rows = [0, 1, 2].map(|i| Vec3::from(map.matrix3.row(i)));
+    let largest = rows.iter().map(|row| row.abs().max_element()).fold(0.0, f32::max);
+    rows.map(|row| row / largest)
 }
 
 /// How thin a transform may squeeze the unit sphere, relative to its widest, before it counts as singular: to between once and

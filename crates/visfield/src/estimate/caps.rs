@@ -18,7 +18,7 @@ use crate::field::cap_grid::cap::{CUTOFF, Cap, above_cutoff, cap_occlusion};
 use crate::field::cap_grid::{CapGrid, stretch};
 use crate::field::lanes::Vectors;
 use crate::field::query::Bias;
-use crate::scene::{Placement, Scene};
+use crate::scene::{Placement, Scene, scaled_rows};
 
 /// How the occlusion of several objects adds up.
 ///
@@ -138,9 +138,8 @@ impl CapPlacement {
 
     /// The linear part of the way back, but for its scale.
     fn world_from_cap(&self) -> Mat3 {
-        let linear = Mat3::from(self.cap_from_world.matrix3);
-        let largest = linear.to_cols_array().into_iter().fold(0.0, |largest: f32, x| largest.max(x.abs()));
-        (linear * largest.recip()).inverse()
+        let [x, y, z] = scaled_rows(&self.cap_from_world);
+        Mat3::from_cols(x, y, z).transpose().inverse()
     }
 }
 
@@ -203,6 +202,8 @@ impl<'a> CapOccluder<'a> {
 pub struct CapScene<'a> {
     origin: DVec3,
     occluders: Vec<CapOccluder<'a>>,
+    /// Rays of receivers that grids leave to them.
+    inside_samples: Vec<Vec3>,
 }
 
 /// Receivers of a block.
@@ -213,7 +214,8 @@ impl<'a> CapScene<'a> {
     /// invertible. Choose a point near the receivers: they are seen in single precision.
     pub fn new(scene: &'a Scene, origin: DVec3) -> Self {
         let placed = scene.place(origin).into_iter();
-        Self { origin, occluders: placed.filter_map(|(placement, field)| CapOccluder::new(placement, field)).collect() }
+        let occluders = placed.filter_map(|(placement, field)| CapOccluder::new(placement, field)).collect();
+        Self { origin, occluders, inside_samples: sphere_samples(INSIDE_RAYS) }
     }
 
     /// What one receiver gets. Where a grid is known to be wrong inside its box, receivers in there get rays, if the field
@@ -241,15 +243,15 @@ impl<'a> CapScene<'a> {
 
     fn ask_grids(&self, receivers: &[Receiver], settings: &CapSettings, answers: &mut [CapAmbient]) {
         let work = Work { scene: self, receivers, settings, answers };
-        match settings.combination {
-            CapCombination::Product => Arch::new().dispatch(Combined::<_, 8, false>(work)),
-            CapCombination::SoftCaps { directions: 12.. } => Arch::new().dispatch(Combined::<_, 16, true>(work)),
-            CapCombination::SoftCaps { .. } => Arch::new().dispatch(Combined::<_, 8, true>(work)),
+        match (settings.combination, settings.combination.directions()) {
+            (CapCombination::Product, _) => Arch::new().dispatch(Combined::<_, 8, false>(work)),
+            (CapCombination::SoftCaps { .. }, 8) => Arch::new().dispatch(Combined::<_, 8, true>(work)),
+            (CapCombination::SoftCaps { .. }, _) => Arch::new().dispatch(Combined::<_, 16, true>(work)),
         }
     }
 }
 
-/// Rays of receivers that grids leave to them.
+/// Rays per receiver and object that grids leave to them.
 const INSIDE_RAYS: u32 = 64;
 
 impl CapScene<'_> {
@@ -261,8 +263,8 @@ impl CapScene<'_> {
             if share > 0.0 {
                 let placed = (occluder.placement, occluder.field);
                 let facing = FacingOccluder::new(&placed, position, normal);
-                let samples = sphere_samples(INSIDE_RAYS).into_iter();
-                let directions = samples.map(|sample| cosine_direction(normal, sample)).collect();
+                let samples = self.inside_samples.iter();
+                let directions = samples.map(|&sample| cosine_direction(normal, sample)).collect();
                 visibility *=
                     1.0 - share * blocked_share(&[facing], directions, settings.max_distance, Bias::default());
             }
@@ -280,12 +282,12 @@ pub fn ambient(occluders: &[CapOccluder], position: Vec3, normal: Vec3, settings
     };
     let (positions, normals) = (one(position), one(normal));
     let points = sphere_samples(settings.combination.directions() as u32);
-    let [answer] = match settings.combination {
-        CapCombination::Product => block::<1, 8, false>(occluders, &positions, &normals, settings, &points),
-        CapCombination::SoftCaps { directions: 12.. } => {
+    let [answer] = match (settings.combination, settings.combination.directions()) {
+        (CapCombination::Product, _) => block::<1, 8, false>(occluders, &positions, &normals, settings, &points),
+        (CapCombination::SoftCaps { .. }, 8) => block::<1, 8, true>(occluders, &positions, &normals, settings, &points),
+        (CapCombination::SoftCaps { .. }, _) => {
             block::<1, 16, true>(occluders, &positions, &normals, settings, &points)
         }
-        CapCombination::SoftCaps { .. } => block::<1, 8, true>(occluders, &positions, &normals, settings, &points),
     };
     answer
 }

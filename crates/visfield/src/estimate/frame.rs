@@ -103,6 +103,11 @@ impl FrameLight {
         Self { channel, disc: DiscBasis::new(to_light, angular_radius), angular_radius }
     }
 
+    /// Whether it counts, and shines on surfaces with this normal.
+    fn shines_on(&self, normal: Vec3) -> bool {
+        self.channel < MAX_LIGHTS && normal.dot(self.disc.axis) > 0.0
+    }
+
     /// Whether cap grids can hide it.
     pub fn is_large(&self) -> bool {
         self.angular_radius >= LARGE_LIGHT
@@ -207,8 +212,7 @@ pub fn trace(
             .count();
         occlusion.x = count as f32 / settings.ambient_rays.max(1) as f32;
         let residue = interleave_index(pixel.x, pixel.y, LIGHT_INTERLEAVE_BITS);
-        let usable = |light: &&FrameLight| light.channel < MAX_LIGHTS && receiver.normal.dot(light.disc.axis) > 0.0;
-        for light in lights.iter().filter(usable) {
+        for light in lights.iter().filter(|light| light.shines_on(receiver.normal)) {
             let in_cone = |occluder: &&FacingOccluder| {
                 meets_cone(to_center(occluder.placement), occluder.placement.radius, light)
             };
@@ -239,8 +243,8 @@ pub fn trace(
 
 /// Which share of its rays a receiver sends to an occluder that is asked so.
 fn share_of_rays(occluder: &FacingOccluder, position: Vec3, source: OcclusionSource) -> f32 {
-    let cap = CapOccluder::new(*occluder.placement, occluder.field);
-    source.share_of_rays(cap.map_or(0.0, |cap| cap.inside_share(position)))
+    let cap = || CapOccluder::new(*occluder.placement, occluder.field);
+    source.share_of_rays(|| cap().map_or(0.0, |cap| cap.inside_share(position)))
 }
 
 /// Whether a ray belongs to the share that is sent. The pixels that share a pattern differ in which rays do, so that all of them
@@ -279,8 +283,7 @@ pub fn caps(
         }
         let mut occlusion = Vec4::ZERO;
         occlusion.x = ambient(&of_ambient, position, normal, &settings.cap_settings()).occlusion;
-        let usable = |light: &&FrameLight| light.is_large() && normal.dot(light.disc.axis) > 0.0;
-        for light in lights.iter().filter(|light| light.channel < MAX_LIGHTS).filter(usable) {
+        for light in lights.iter().filter(|light| light.is_large() && light.shines_on(normal)) {
             let in_cone = |occluder: &&CapOccluder| {
                 let (to_center, radius) = (occluder.placement().center - position, occluder.placement().radius);
                 above_surface(to_center, radius, normal) && meets_cone(to_center, radius, light)

@@ -62,13 +62,13 @@ impl OcclusionSource {
         matches!(self, Self::Rays | Self::CapGridWithRaysInside)
     }
 
-    /// Which share of a receiver's rays is sent, where the grid's [inside share](CapGrid::inside_share) is given. What is not
-    /// sent, the grid answers, if it is asked at all.
-    pub fn share_of_rays(self, inside_share: f32) -> f32 {
+    /// Which share of a receiver's rays is sent; `inside_share` is asked for the grid's [inside share](CapGrid::inside_share) if
+    /// it matters. What is not sent, the grid answers, if it is asked at all.
+    pub fn share_of_rays(self, inside_share: impl FnOnce() -> f32) -> f32 {
         match self {
             Self::None | Self::CapGrid => 0.0,
             Self::Rays => 1.0,
-            Self::CapGridWithRaysInside => inside_share,
+            Self::CapGridWithRaysInside => inside_share(),
         }
     }
 }

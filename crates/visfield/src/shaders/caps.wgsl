@@ -134,11 +134,10 @@ fn cap_harmonics(seen: Cap) -> vec4<f32> {
 
 // Cap::mapped by the inverse of a map to cap space: by its cofactors, which are that inverse times the determinant.
 fn mapped(seen: Cap, cap_from_world: array<vec4<f32>, 3>) -> Cap {
-    let component = max(max(abs(cap_from_world[0].xyz), abs(cap_from_world[1].xyz)), abs(cap_from_world[2].xyz));
-    let largest = max(max(component.x, component.y), component.z);
-    let x = cap_from_world[0].xyz / largest;
-    let y = cap_from_world[1].xyz / largest;
-    let z = cap_from_world[2].xyz / largest;
+    let rows = scaled_rows(cap_from_world);
+    let x = rows[0];
+    let y = rows[1];
+    let z = rows[2];
     let determinant = dot(x, cross(y, z));
     let to = (cross(y, z) * seen.axis.x + cross(z, x) * seen.axis.y + cross(x, y) * seen.axis.z) / determinant;
     let squared = max(dot(to, to), SMALLEST);

@@ -35,16 +35,21 @@ fn transform(rows: array<vec4<f32>, 3>, v: vec4<f32>) -> vec3<f32> {
     return vec3<f32>(dot(rows[0], v), dot(rows[1], v), dot(rows[2], v));
 }
 
+// The linear part of an affine map, scaled to a largest component of 1: products of three components of tiny or huge objects
+// would leave the range of f32.
+fn scaled_rows(rows: array<vec4<f32>, 3>) -> array<vec3<f32>, 3> {
+    let component = max(max(abs(rows[0].xyz), abs(rows[1].xyz)), abs(rows[2].xyz));
+    let largest = max(max(component.x, component.y), component.z);
+    return array<vec3<f32>, 3>(rows[0].xyz / largest, rows[1].xyz / largest, rows[2].xyz / largest);
+}
+
 // The normal in field space of a surface with this normal in the world: by the cofactors of the linear map, which are its
 // inverse transpose up to a factor.
 fn field_normal(instance: Instance, normal: vec3<f32>) -> vec3<f32> {
-    let rows = instance.field_from_world;
-    // Products of three components of tiny or huge objects would leave the range of f32.
-    let component = max(max(abs(rows[0].xyz), abs(rows[1].xyz)), abs(rows[2].xyz));
-    let largest = max(max(component.x, component.y), component.z);
-    let x = rows[0].xyz / largest;
-    let y = rows[1].xyz / largest;
-    let z = rows[2].xyz / largest;
+    let rows = scaled_rows(instance.field_from_world);
+    let x = rows[0];
+    let y = rows[1];
+    let z = rows[2];
     let cofactors = vec3<f32>(dot(cross(y, z), normal), dot(cross(z, x), normal), dot(cross(x, y), normal));
     let orientation = select(1.0, -1.0, dot(x, cross(y, z)) < 0.0);
     let squared = dot(cofactors, cofactors);

@@ -10,7 +10,7 @@ use visfield::gpu::FieldPool;
 use visfield::gpu::layout::{FrameUniform, InstanceData};
 use visfield::scene::Placement;
 
-use super::device::{buffer_with, device, read_buffer};
+use super::device::{buffer_with, device, run_probe};
 
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -101,21 +101,9 @@ fn on_gpu(
     probes: &[Probe],
 ) -> Vec<Answer> {
     let source = [visfield::gpu::caps_source(), include_str!("caps.wgsl").to_owned()].concat();
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl(source.into()),
-    });
     let directions = settings.combination.directions();
     let soft = f64::from(u8::from(settings.combination != CapCombination::Product));
     let constants = [("SOFT_CAPS", soft), ("DIRECTIONS", directions as f64)];
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: None,
-        layout: None,
-        module: &module,
-        entry_point: Some("probe"),
-        compilation_options: wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() },
-        cache: None,
-    });
     let frame = FrameUniform {
         instance_count: instances.len() as u32,
         max_distance: settings.max_distance,
@@ -127,29 +115,7 @@ fn on_gpu(
     let instances = buffer_with(device, queue, bytemuck::cast_slice(instances), storage);
     let samples = buffer_with(device, queue, bytemuck::cast_slice(&samples), storage);
     let probes_buffer = buffer_with(device, queue, bytemuck::cast_slice(probes), storage);
-    let answers = vec![Answer::zeroed(); probes.len()];
-    let answers = buffer_with(device, queue, bytemuck::cast_slice(&answers), storage | wgpu::BufferUsages::COPY_SRC);
-    let bindings = [
-        (0, &frame),
-        (3, pool.buffer()),
-        (4, &instances),
-        (5, pool.buffer()),
-        (6, &samples),
-        (8, &probes_buffer),
-        (9, &answers),
-    ];
-    let entries =
-        bindings.map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() });
-    let layout = pipeline.get_bind_group_layout(0);
-    let bind_group =
-        device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries });
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    {
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        pass.set_pipeline(&pipeline);
-        pass.set_bind_group(0, &bind_group, &[]);
-        pass.dispatch_workgroups((probes.len() as u32).div_ceil(64), 1, 1);
-    }
-    queue.submit([encoder.finish()]);
-    bytemuck::pod_collect_to_vec(&read_buffer(device, queue, &answers, answers.size()))
+    let pool = pool.buffer();
+    let buffers = [(0, &frame), (3, pool), (4, &instances), (5, pool), (6, &samples), (8, &probes_buffer)];
+    run_probe((device, queue), source, &constants, &buffers, (9, probes.len()))
 }

@@ -1,4 +1,7 @@
-//! A device to test on, and reading back from it.
+//! A device to test on: buffers, textures and single shaders, and reading back from it.
+
+use bytemuck::Pod;
+use glam::UVec2;
 
 /// Any adapter, software ones included. Without one the test is skipped by hand and fails under CI.
 pub(crate) fn device() -> Option<(wgpu::Device, wgpu::Queue)> {
@@ -43,4 +46,63 @@ pub(crate) fn buffer_with(
     });
     queue.write_buffer(&buffer, 0, content);
     buffer
+}
+
+/// A two-dimensional texture of `size` pixels.
+pub(crate) fn texture(
+    device: &wgpu::Device,
+    size: UVec2,
+    format: wgpu::TextureFormat,
+    usage: wgpu::TextureUsages,
+) -> wgpu::Texture {
+    device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    })
+}
+
+/// Runs the entry point `probe` of a shader, 64 threads to a group, once for each of `count` answers, and gives them back. The
+/// answers' binding is `answers`; the others have their buffers.
+pub(crate) fn run_probe<A: Pod>(
+    (device, queue): (&wgpu::Device, &wgpu::Queue),
+    source: String,
+    constants: &[(&str, f64)],
+    buffers: &[(u32, &wgpu::Buffer)],
+    (answers, count): (u32, usize),
+) -> Vec<A> {
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: None,
+        module: &module,
+        entry_point: Some("probe"),
+        compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
+        cache: None,
+    });
+    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+    let output = buffer_with(device, queue, bytemuck::cast_slice(&vec![A::zeroed(); count]), usage);
+    let all = buffers.iter().copied().chain([(answers, &output)]);
+    let entries: Vec<_> =
+        all.map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }).collect();
+    let layout = pipeline.get_bind_group_layout(0);
+    let bind_group =
+        device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries });
+    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    {
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &bind_group, &[]);
+        pass.dispatch_workgroups((count as u32).div_ceil(64), 1, 1);
+    }
+    queue.submit([encoder.finish()]);
+    bytemuck::pod_collect_to_vec(&read_buffer(device, queue, &output, output.size()))
 }

@@ -9,7 +9,7 @@ use visfield::gpu::layout::InstanceData;
 use visfield::gpu::{FieldPool, FrameInputs, OUTPUT_FORMAT, OcclusionPasses, OcclusionView};
 use visfield::scene::Placement;
 
-use super::device::{device, read_buffer};
+use super::device::{device, read_buffer, texture};
 
 /// The viewport, and where it lies in larger textures.
 const SIZE: UVec2 = uvec2(48, 40);
@@ -41,25 +41,13 @@ fn geometry() -> GeometryBuffer {
     geometry
 }
 
-fn texture(device: &wgpu::Device, format: wgpu::TextureFormat, usage: wgpu::TextureUsages) -> wgpu::Texture {
-    device.create_texture(&wgpu::TextureDescriptor {
-        label: None,
-        size: wgpu::Extent3d { width: TARGET.x, height: TARGET.y, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format,
-        usage,
-        view_formats: &[],
-    })
-}
-
 /// A depth texture cannot be written from the CPU; a tiny pass draws the values into it.
 fn depth_texture(device: &wgpu::Device, queue: &wgpu::Queue, depth: &[f32]) -> wgpu::Texture {
     let usages = wgpu::TextureUsages::TEXTURE_BINDING;
-    let values = texture(device, wgpu::TextureFormat::R32Float, usages | wgpu::TextureUsages::COPY_DST);
+    let values = texture(device, TARGET, wgpu::TextureFormat::R32Float, usages | wgpu::TextureUsages::COPY_DST);
     upload(queue, &values, bytemuck::cast_slice(depth), 4);
-    let target = texture(device, wgpu::TextureFormat::Depth32Float, usages | wgpu::TextureUsages::RENDER_ATTACHMENT);
+    let target =
+        texture(device, TARGET, wgpu::TextureFormat::Depth32Float, usages | wgpu::TextureUsages::RENDER_ATTACHMENT);
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
         source: wgpu::ShaderSource::Wgsl(include_str!("depth.wgsl").into()),
@@ -232,10 +220,11 @@ fn gpu_frame(
         .map(|v| v.round() as u8)
         .collect();
     let usages = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
-    let normal_texture = texture(device, wgpu::TextureFormat::Rgba8Unorm, usages);
+    let normal_texture = texture(device, TARGET, wgpu::TextureFormat::Rgba8Unorm, usages);
     upload(queue, &normal_texture, &normals, 4);
     let depth_texture = depth_texture(device, queue, &geometry.depth);
-    let output = texture(device, OUTPUT_FORMAT, wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC);
+    let output =
+        texture(device, TARGET, OUTPUT_FORMAT, wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::COPY_SRC);
     let view_of = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
     let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     passes.encode(

@@ -12,7 +12,7 @@ use visfield::field::query::Bias;
 use visfield::gpu::layout::encoding_number;
 use visfield::{ChordTable, Encoding, QueryOptions, Ray, Representation, VisibilityField};
 
-use super::device::{buffer_with, device, read_buffer};
+use super::device::{buffer_with, device, run_probe};
 
 const RAYS: usize = 100_000;
 const GRID: TwoPointGrid = TwoPointGrid { entries: 65, exits: 32 };
@@ -65,47 +65,14 @@ fn random_probes() -> Vec<Probe> {
 
 fn on_gpu(device: &wgpu::Device, queue: &wgpu::Queue, table: &ChordTable, probes: &[Probe]) -> Vec<Answer> {
     let source = [visfield::gpu::FIELD_SOURCE, include_str!("lookup.wgsl")].concat();
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl(source.into()),
-    });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: None,
-        layout: None,
-        module: &module,
-        entry_point: None,
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    });
     let storage = wgpu::BufferUsages::STORAGE;
-    let answers = vec![Answer::zeroed(); probes.len()];
     let shape = [GRID.entries, GRID.exits, encoding_number(table.encoding())];
     // Whole words, as the pool has them.
     let mut words = table.bytes().to_vec();
     words.resize(words.len().next_multiple_of(4), 0);
-    let buffers = [
-        buffer_with(device, queue, &words, storage),
-        buffer_with(device, queue, bytemuck::cast_slice(probes), storage),
-        buffer_with(device, queue, bytemuck::cast_slice(&answers), storage | wgpu::BufferUsages::COPY_SRC),
-        buffer_with(device, queue, bytemuck::cast_slice(&shape), storage),
-    ];
-    let entries: Vec<_> = (0..)
-        .zip(&buffers)
-        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
-        .collect();
-    let layout = pipeline.get_bind_group_layout(0);
-    let bind_group =
-        device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries });
-    let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-    {
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-        pass.set_pipeline(&pipeline);
-        pass.set_bind_group(0, &bind_group, &[]);
-        pass.dispatch_workgroups((probes.len() as u32).div_ceil(64), 1, 1);
-    }
-    queue.submit([encoder.finish()]);
-    let bytes = read_buffer(device, queue, &buffers[2], buffers[2].size());
-    bytemuck::pod_collect_to_vec(&bytes)
+    let [words, rays, shape] = [&words, bytemuck::cast_slice(probes), bytemuck::cast_slice(&shape)]
+        .map(|content: &[u8]| buffer_with(device, queue, content, storage));
+    run_probe((device, queue), source, &[], &[(0, &words), (1, &rays), (3, &shape)], (2, probes.len()))
 }
 
 /// Whether two table positions are of the same or of touching cells, at both ends of the chord.

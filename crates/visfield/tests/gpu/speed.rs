@@ -10,7 +10,7 @@ use visfield::gpu::layout::InstanceData;
 use visfield::gpu::{FieldPool, FrameInputs, OUTPUT_FORMAT, OcclusionPasses, OcclusionView};
 use visfield::scene::Placement;
 
-use super::device::device;
+use super::device::{device, texture};
 
 const SIZE: UVec2 = uvec2(640, 360);
 /// Times each frame is timed, taking turns.
@@ -49,18 +49,7 @@ impl Stage {
             let field = i % fields.len();
             (field, Placement::new(&fields[field].header().bounds, place, DVec3::ZERO).unwrap())
         };
-        let texture = |format, usage| {
-            device.create_texture(&wgpu::TextureDescriptor {
-                label: None,
-                size: wgpu::Extent3d { width: SIZE.x, height: SIZE.y, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format,
-                usage: usage | wgpu::TextureUsages::TEXTURE_BINDING,
-                view_formats: &[],
-            })
-        };
+        let texture = |format, usage| texture(&device, SIZE, format, usage | wgpu::TextureUsages::TEXTURE_BINDING);
         let attachment = wgpu::TextureUsages::RENDER_ATTACHMENT;
         let stage = Self {
             passes: OcclusionPasses::new(&device),

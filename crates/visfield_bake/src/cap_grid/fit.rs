@@ -4,9 +4,9 @@ use std::array;
 
 use glam::Vec3;
 use rayon::prelude::*;
-use visfield::field::cap_grid::CapGridHeader;
 use visfield::field::cap_grid::harmonics::MAX_COEFFICIENTS;
 use visfield::field::cap_grid::warp::{AxisWarp, storage_scale};
+use visfield::field::cap_grid::{CapGridHeader, GridPoint};
 
 use super::view::View;
 use super::{FITTED_RAYS, Surroundings, in_cube, rotation};
@@ -136,20 +136,17 @@ struct Row {
 
 impl Row {
     fn new(warps: &[AxisWarp; 3], points: u32, position: Vec3) -> Self {
-        let last = (points - 1) as f32;
-        let grid: [f32; 3] =
-            array::from_fn(|axis| ((warps[axis].coordinate(position[axis]) + 1.0) * 0.5 * last).clamp(0.0, last));
-        let first = grid.map(|x| x.floor().min(last - 1.0));
+        let at = GridPoint::new(warps, points, position);
+        let first = at.index(points);
         let ends = |corner: usize| array::from_fn::<usize, 3, _>(|axis| corner >> axis & 1);
         Self {
             points: array::from_fn(|corner| {
-                let [x, y, z] = array::from_fn(|axis| first[axis] as u32 + ends(corner)[axis] as u32);
-                (z * points + y) * points + x
+                let [x, y, z] = ends(corner).map(|end| end as u32);
+                first + (z * points + y) * points + x
             }),
             weights: array::from_fn(|corner| {
                 let share = |axis: usize| {
-                    let fraction = grid[axis] - first[axis];
-                    if ends(corner)[axis] == 1 { fraction } else { 1.0 - fraction }
+                    if ends(corner)[axis] == 1 { at.fraction[axis] } else { 1.0 - at.fraction[axis] }
                 };
                 share(0) * share(1) * share(2)
             }),

@@ -190,22 +190,30 @@ const INSIDE_MARGIN: f32 = 0.1;
 /// Farther from the mesh than this, in units of cap space, all positions are alike: nothing is seen of it.
 const FARTHEST: f32 = 1.0e12;
 
-/// Where a position lies in a grid.
+/// Where a position lies in a grid: between eight of its points. The bake fits what is interpolated so.
+///
+/// ```
+/// use visfield::field::cap_grid::{CapGridHeader, GridPoint};
+/// let header = CapGridHeader::default();
+/// let third = header.positions()[2];
+/// let at = GridPoint::new(&header.warps(), header.format.points, third);
+/// assert!((at.first.x + at.fraction.x - 2.0).abs() < 1e-4);
+/// ```
 #[derive(Clone, Copy, Debug)]
-pub(super) struct GridPoint {
+pub struct GridPoint {
     /// The grid point before it, along each axis, as whole numbers.
-    pub(super) first: Vec3,
+    pub first: Vec3,
     /// How far it lies on the way to the next one, 0 to 1.
-    pub(super) fraction: Vec3,
+    pub fraction: Vec3,
     /// By what interpolated values are multiplied: undoes [`storage_scale`], and the distance beyond the grid.
-    pub(super) weight: f32,
+    pub weight: f32,
 }
 
 impl GridPoint {
     /// Beyond the grid, positions are pulled back towards its centre, and what is seen from there falls with the square of the
     /// distance.
     #[inline(always)]
-    pub(super) fn new(warps: &[AxisWarp; 3], points: u32, position: Vec3) -> Self {
+    pub fn new(warps: &[AxisWarp; 3], points: u32, position: Vec3) -> Self {
         // NaN becomes far away too.
         let within = |x: f32| if x > -FARTHEST { x.min(FARTHEST) } else { -FARTHEST };
         let position = Vec3::new(within(position.x), within(position.y), within(position.z));
@@ -222,7 +230,7 @@ impl GridPoint {
 
     /// The number of the first of the eight points around it. Whole numbers of this size are exact.
     #[inline(always)]
-    pub(super) fn index(&self, points: u32) -> u32 {
+    pub fn index(&self, points: u32) -> u32 {
         let side = points as f32;
         // Above 2²³ the fraction of a float is a whole number. A cast would say what becomes of others, and be no vector
         // instruction for it.
