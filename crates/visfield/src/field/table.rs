@@ -3,18 +3,21 @@
 use std::fmt;
 use std::sync::Arc;
 
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::FieldError;
 use super::directions::DirectionMap;
 use super::encoding::{Block, Codes, Encoding, blocks};
 use super::hemisphere::HemisphereGrid;
-use super::lookup::{ChordGrid, Grid, TwoPointGrid};
+use super::lookup::{Aim, ChordGrid, Grid, TwoPointGrid, lookup};
 
 /// Largest side of either octahedral grid of a table. 512⁴ cells would be 64 GiB; real tables stop far below.
 pub const MAX_SIDE: u32 = 512;
 /// Largest table in bytes. Table positions are `u32` byte offsets on the GPU.
 pub const MAX_TABLE_BYTES: u64 = 1 << 30;
+/// Least side of a grid of a [coarser](ChordTable::coarser) table: with fewer cells, objects lose their shape.
+const COARSEST_SIDE: u32 = 4;
 
 /// Which chords a table stores (DESIGN §2, *representation*).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -209,6 +212,36 @@ impl ChordTable {
     pub fn with_encoding(&self, encoding: Encoding) -> Result<Self, FieldError> {
         let format = TableFormat { encoding, ..self.format };
         Self::sample(format, |blocks| blocks.into_iter().for_each(|mut block| block.copy(&self.codes())))
+    }
+
+    /// A two-point table of half as many cells along each side of both grids, in a sixteenth of the memory. Its chords are
+    /// looked up in this one, so the mesh is not needed. `None` for hemispheres, and where fewer than 4 cells would be left along
+    /// a side.
+    ///
+    /// ```
+    /// # let field = visfield::field::example_field();
+    /// use visfield::Representation::TwoPoint;
+    /// let table = field.table().unwrap();
+    /// assert_eq!(table.representation(), TwoPoint { entries: 33, exits: 17 });
+    /// assert_eq!(table.coarser().unwrap().representation(), TwoPoint { entries: 17, exits: 9 });
+    /// ```
+    pub fn coarser(&self) -> Option<Self> {
+        let Grid::TwoPoint(fine) = self.grid else { return None };
+        let [entries, exits] = [fine.entries, fine.exits].map(|side| side.div_ceil(2));
+        if entries.min(exits) < COARSEST_SIDE {
+            return None;
+        }
+        let codes = self.codes();
+        let first_hit = |from: Vec3, to: Vec3| {
+            let found = lookup(&fine, from, to, (from + to) * 0.5, Aim::Point);
+            let fraction = codes.fraction(found.index)?;
+            let length = (to - from).length();
+            // The hit lies on the stored chord, which passes through the middle of ours; a chord without length has no middle.
+            let along = 0.5 * length + fraction * found.length - found.before;
+            Some(if length > 0.0 { along / length } else { fraction })
+        };
+        let format = TableFormat { representation: Representation::TwoPoint { entries, exits }, ..self.format };
+        Self::sample(format, |blocks| blocks.into_iter().for_each(|mut block| block.fill(first_hit))).ok()
     }
 
     /// What it stores.

@@ -11,7 +11,7 @@ use thiserror::Error;
 use super::layout::{CapGridData, cap_grid_words};
 use crate::field::cap_grid::HarmonicOrder;
 use crate::field::lookup::{Grid, TwoPointGrid};
-use crate::field::{BoundingEllipsoid, ChordTable, Encoding, VisibilityField};
+use crate::field::{BoundingEllipsoid, CapGrid, ChordTable, Encoding, VisibilityField};
 
 /// First size of the buffer in words: next to nothing, for scenes without fields.
 const FIRST_WORDS: u64 = 1024;
@@ -22,7 +22,8 @@ const HEADER_WORDS: u64 = (size_of::<CapGridData>() / 4) as u64;
 /// Why a field cannot be uploaded.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum PoolError {
-    /// The pool would exceed what the adapter can bind at once.
+    /// The pool would exceed its [limit](FieldPool::limit), or no run of free bytes is long enough: then
+    /// [repacking](FieldPool::repack) may help.
     #[error(
         "a field of {bytes} bytes does not fit the field pool of at most {limit} bytes; bake smaller parts (fewer \
          entries, exits or points) or use fewer meshes"
@@ -30,7 +31,7 @@ pub enum PoolError {
     Full {
         /// Bytes that were asked for.
         bytes: u64,
-        /// Largest pool that the adapter can bind, in bytes.
+        /// Largest pool that is allowed, in bytes.
         limit: u64,
     },
     /// Of tables, the passes read two-point ones only.
@@ -130,8 +131,27 @@ pub struct PoolStatistics {
 pub struct FieldPool {
     buffer: wgpu::Buffer,
     words: RangeAllocator<u64>,
+    /// What the adapter can bind.
+    most_words: u64,
+    /// What it may grow to.
     limit_words: u64,
     statistics: PoolStatistics,
+}
+
+/// Where the parts of a field go, in words from the start of its place: the table, then whole headers: that of the cap grid, and
+/// room for its points. All places are whole headers too, so that a grid starts at one.
+struct Plan {
+    header: u64,
+    total: u64,
+}
+
+impl Plan {
+    fn new(field: &VisibilityField) -> Self {
+        let table = field.table().map_or(0, |table| table.bytes().len() as u64).div_ceil(4);
+        let header = table.next_multiple_of(HEADER_WORDS);
+        let caps = field.cap_grid().map_or(0, |grid| HEADER_WORDS + cap_grid_words(grid).len() as u64);
+        Self { header, total: (header + caps).next_multiple_of(HEADER_WORDS) }
+    }
 }
 
 impl FieldPool {
@@ -145,9 +165,33 @@ impl FieldPool {
         Self {
             buffer: create_buffer(device, first),
             words: RangeAllocator::new(0..first),
+            most_words: limit_words,
             limit_words,
             statistics: PoolStatistics { buffer_bytes: first * 4, ..PoolStatistics::default() },
         }
+    }
+
+    /// Bytes that a field takes in a pool: a little more than its own, since places are aligned.
+    ///
+    /// ```
+    /// # let field = visfield::field::example_field();
+    /// let bytes = visfield::gpu::FieldPool::bytes_of(&field);
+    /// assert!((field.bytes()..field.bytes() + 200).contains(&bytes));
+    /// ```
+    pub fn bytes_of(field: &VisibilityField) -> u64 {
+        Plan::new(field).total * 4
+    }
+
+    /// Largest size of the buffer, in bytes.
+    pub fn limit(&self) -> u64 {
+        self.limit_words * 4
+    }
+
+    /// Lets the buffer grow no further than to `bytes`, or to what the adapter can bind if that is less, but always to 4 KiB. A
+    /// buffer that is larger already stays so until the pool is [repacked](Self::repack).
+    pub fn set_limit(&mut self, bytes: u64) {
+        let words = (bytes / 4).max(FIRST_WORDS) / HEADER_WORDS * HEADER_WORDS;
+        self.limit_words = words.min(self.most_words);
     }
 
     /// Uploads a field's parts.
@@ -167,13 +211,7 @@ impl FieldPool {
             None => None,
         };
         let table = field.table().map_or(&[][..], ChordTable::bytes);
-        let texels = field.cap_grid().map(cap_grid_words).unwrap_or_default();
-        // The table, then whole headers: that of the grid, and room for its points. All places are whole headers too, so that
-        // a grid starts at one.
-        let table_words = (table.len() as u64).div_ceil(4);
-        let header_words = table_words.next_multiple_of(HEADER_WORDS);
-        let caps_words = field.cap_grid().map_or(0, |_| HEADER_WORDS + texels.len() as u64);
-        let words = (header_words + caps_words).next_multiple_of(HEADER_WORDS);
+        let Plan { header: header_words, total: words } = Plan::new(field);
         let range = if let Ok(range) = self.words.allocate_range(words) {
             range
         } else {
@@ -190,8 +228,8 @@ impl FieldPool {
         }
         let header_start = range.start + header_words;
         if let Some(grid) = field.cap_grid() {
-            let header = CapGridData::new(grid, (header_start + HEADER_WORDS) as u32);
-            queue.write_buffer(&self.buffer, header_start * 4, bytemuck::bytes_of(&header));
+            self.write_header(queue, grid, header_start);
+            let texels = cap_grid_words(grid);
             queue.write_buffer(&self.buffer, (header_start + HEADER_WORDS) * 4, bytemuck::cast_slice(&texels));
         }
         self.statistics.uploads += 1;
@@ -220,6 +258,62 @@ impl FieldPool {
         self.words.free_range(slot.words);
     }
 
+    /// Moves the fields together at the start of a buffer that has room for `bytes` more, as far as the limit allows, and is no
+    /// larger than the limit if the fields are not. On the GPU, so that nothing is uploaded but a few words for each field.
+    ///
+    /// ```no_run
+    /// # use visfield::{VisibilityField, gpu::{FieldPool, FieldSlot}};
+    /// # fn shrink(device: &wgpu::Device, queue: &wgpu::Queue, pool: &mut FieldPool, fields: &mut [(FieldSlot, VisibilityField)]) {
+    /// pool.set_limit(64 << 20);
+    /// pool.repack(device, queue, fields.iter_mut().map(|(slot, field)| (slot, &*field)), 0);
+    /// # }
+    /// ```
+    ///
+    /// `resident` are all slots that the pool has given and not got back, with the fields that they were given for.
+    pub fn repack<'a>(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        resident: impl IntoIterator<Item = (&'a mut FieldSlot, &'a VisibilityField)>,
+        bytes: u64,
+    ) {
+        let used = self.statistics.resident_bytes / 4;
+        let new = (used + bytes.div_ceil(4)).clamp(FIRST_WORDS.min(self.limit_words), self.limit_words).max(used);
+        let buffer = create_buffer(device, new);
+        let mut words = RangeAllocator::new(0..new);
+        let mut encoder =
+            device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("repack field pool") });
+        let mut headers = Vec::new();
+        for (slot, field) in resident {
+            let length = slot.words.end - slot.words.start;
+            let range = words.allocate_range(length).expect("the buffer was made for all of them");
+            encoder.copy_buffer_to_buffer(&self.buffer, slot.words.start * 4, &buffer, range.start * 4, length * 4);
+            if let Some(table) = &mut slot.table {
+                table.first_byte = (range.start * 4) as u32;
+            }
+            if let Some((grid, cap_grid)) = slot.cap_grid.as_mut().zip(field.cap_grid()) {
+                let start = u64::from(grid.number) * HEADER_WORDS - slot.words.start + range.start;
+                grid.number = (start / HEADER_WORDS) as u32;
+                headers.push((cap_grid, start));
+            }
+            slot.words = range;
+        }
+        queue.submit([encoder.finish()]);
+        self.buffer = buffer;
+        self.words = words;
+        self.statistics.buffer_bytes = new * 4;
+        // Headers say where their points are. These writes come after what was submitted.
+        for (grid, start) in headers {
+            self.write_header(queue, grid, start);
+        }
+    }
+
+    /// Writes what a cap grid starts with, `start` words into the buffer.
+    fn write_header(&self, queue: &wgpu::Queue, grid: &CapGrid, start: u64) {
+        let header = CapGridData::new(grid, (start + HEADER_WORDS) as u32);
+        queue.write_buffer(&self.buffer, start * 4, bytemuck::bytes_of(&header));
+    }
+
     /// What the pool has done so far.
     pub fn statistics(&self) -> PoolStatistics {
         self.statistics
@@ -235,7 +329,7 @@ impl FieldPool {
         let old = self.statistics.buffer_bytes / 4;
         let used = self.words.allocated_ranges().map(|range| range.end).max().unwrap_or(0);
         let new = (old * 2).max(used + words).min(self.limit_words);
-        if new < used + words {
+        if new < used + words || new <= old {
             return Err(self.full(words));
         }
         let buffer = create_buffer(device, new);

@@ -119,6 +119,44 @@ fn cap_grids_survive_growth_and_removal() {
 }
 
 #[test]
+fn repacking_closes_gaps_and_keeps_every_part() {
+    let Some((device, queue)) = device() else { return };
+    let mut pool = FieldPool::new(&device);
+    let fields: Vec<VisibilityField> = [0.3, 0.4, 0.5, 0.6].into_iter().flat_map(fields_with_caps).collect();
+    pool.set_limit(fields.iter().map(FieldPool::bytes_of).sum());
+    let mut slots: Vec<(FieldSlot, VisibilityField)> =
+        fields.into_iter().map(|field| (pool.insert(&device, &queue, &field).unwrap(), field)).collect();
+    // Every other one goes.
+    let mut index = 0;
+    for (slot, _) in slots.extract_if(.., |_| (index % 2 == 0, index += 1).0) {
+        pool.remove(slot);
+    }
+    let resident = pool.statistics().resident_bytes;
+    assert_eq!(slots.iter().map(|(_, field)| FieldPool::bytes_of(field)).sum::<u64>(), resident);
+
+    // There is room for one more, but not in one piece.
+    let large = ball_field(0.7, 45, 17);
+    let full = PoolError::Full { bytes: FieldPool::bytes_of(&large), limit: pool.limit() };
+    assert!(resident + FieldPool::bytes_of(&large) < pool.limit());
+    assert_eq!(pool.insert(&device, &queue, &large).unwrap_err(), full);
+    pool.repack(&device, &queue, slots.iter_mut().map(|(slot, field)| (slot, &*field)), FieldPool::bytes_of(&large));
+    slots.push((pool.insert(&device, &queue, &large).expect("the gaps are closed"), large));
+    let found = pool.statistics();
+    assert_eq!(found.resident_bytes, found.buffer_bytes);
+    let content = read_buffer(&device, &queue, pool.buffer(), found.buffer_bytes);
+    for (slot, field) in &slots {
+        assert_intact(&content, slot, field);
+    }
+
+    // Empty, it takes next to nothing, whatever the limit.
+    slots.drain(..).for_each(|(slot, _)| pool.remove(slot));
+    pool.set_limit(0);
+    pool.repack(&device, &queue, [], 0);
+    assert_eq!((pool.statistics().resident_bytes, pool.statistics().buffer_bytes), (0, pool.limit()));
+    assert!(pool.limit() <= 4096);
+}
+
+#[test]
 fn a_full_pool_says_so_and_stays_usable() {
     let Some((device, queue)) = device() else { return };
     let limit = device.limits().max_storage_buffer_binding_size;
