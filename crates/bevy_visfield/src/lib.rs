@@ -49,6 +49,7 @@ pub mod bake;
 mod components;
 mod debug;
 mod diagnose;
+mod no_shadow;
 mod render;
 
 use bevy::app::{App, Plugin};
@@ -60,15 +61,16 @@ pub use components::{
     VisibilityField3d,
 };
 pub use debug::FieldDebugView;
-pub use render::{FieldOcclusionFrame, FieldOcclusionSystems, FieldResidency};
+pub use no_shadow::{FieldShadowDiagnosis, NoShadow, why_no_shadow};
+pub use render::{FieldLevel, FieldMemoryBudget, FieldOcclusionFrame, FieldOcclusionSystems, FieldResidency};
 
 /// What most users need.
 pub mod prelude {
     #[cfg(feature = "bake")]
     pub use crate::bake::{BakeProgress, BakeVisibilityField};
     pub use crate::{
-        FieldDebugView, FieldOcclusion, FieldOcclusionQuality, FieldShadows, NotFieldOccluder, OcclusionEstimator,
-        VisibilityField, VisibilityField3d, VisibilityFieldPlugin,
+        FieldDebugView, FieldMemoryBudget, FieldOcclusion, FieldOcclusionQuality, FieldShadowDiagnosis, FieldShadows,
+        NotFieldOccluder, OcclusionEstimator, VisibilityField, VisibilityField3d, VisibilityFieldPlugin,
     };
 }
 
@@ -93,6 +95,7 @@ impl Plugin for VisibilityFieldPlugin {
             .register_type::<FieldOcclusion>()
             .register_type::<FieldShadows>()
             .register_type::<FieldDebugView>()
+            .register_type::<NoShadow>()
             .add_plugins((render::plugin, debug::plugin, diagnose::plugin));
         #[cfg(feature = "bake")]
         app.add_plugins(bake::plugin);

@@ -67,7 +67,8 @@ fn hits_stay_where_they_are() {
 #[test]
 fn baked_assets_keep_their_occlusion() {
     for name in ["chair", "supershape", "torus_knot"] {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/meshes").join(name).with_extension("vfield");
+        let path =
+            Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/meshes").join(name).with_extension("vfield");
         let field = file::read(&path).unwrap().remove(0);
         let coarse = coarser(&field);
         assert_eq!(coarse.cap_grid(), field.cap_grid());

@@ -1,8 +1,11 @@
 //! A frame, stage by stage: [`extract`] what moved, [`residency`] of fields on the GPU, [`prepare`] each camera's frame, run
 //! the [`node`], and [`compose`] the result into Bevy's lighting.
 
+mod budget;
 mod compose;
 mod extract;
+mod feedback;
+mod levels;
 mod node;
 mod prepare;
 mod residency;
@@ -11,7 +14,6 @@ use bevy::core_pipeline::{Core3d, Core3dSystems};
 use bevy::pbr::prepare_mesh_view_bind_groups;
 use bevy::prelude::*;
 use bevy::render::extract_component::ExtractComponentPlugin;
-use bevy::render::render_asset::RenderAssetPlugin;
 use bevy::render::renderer::RenderDevice;
 use bevy::render::sync_component::SyncComponentPlugin;
 use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, RenderSystems};
@@ -19,8 +21,11 @@ use visfield::gpu::OcclusionPasses;
 
 use crate::components::{FieldOcclusion, FieldShadows};
 use node::OcclusionViews;
-use residency::ResidentField;
 
+pub use budget::{FieldLevel, FieldMemoryBudget};
+#[cfg(test)]
+pub(crate) use feedback::FieldOnGpu;
+pub(crate) use feedback::RenderFeedback;
 pub use prepare::FieldOcclusionFrame;
 pub use residency::FieldResidency;
 
@@ -47,27 +52,34 @@ pub enum FieldOcclusionSystems {
 
 pub(crate) fn plugin(app: &mut App) {
     app.add_plugins((
-        RenderAssetPlugin::<ResidentField>::default(),
         SyncComponentPlugin::<FieldOcclusion>::default(),
         ExtractComponentPlugin::<FieldShadows>::default(),
-    ));
+    ))
+    .init_resource::<FieldMemoryBudget>()
+    .init_resource::<RenderFeedback>()
+    .register_type::<FieldMemoryBudget>()
+    .register_type::<FieldLevel>();
 }
 
 /// Adds what needs a capable GPU, or warns once and leaves the plugin inert.
 pub(crate) fn finish(app: &mut App) {
+    let feedback = app.world().resource::<RenderFeedback>().clone();
     let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
     let limits = render_app.world().resource::<RenderDevice>().limits();
     if let Err(missing) = OcclusionPasses::check(&limits).and_then(|()| compose::check(&limits)) {
         warn!("VisibilityFieldPlugin stays inert: {missing}. Objects will not occlude each other.");
         return;
     }
+    feedback.activate();
     render_app
+        .insert_resource(feedback)
         .init_gpu_resource::<FieldResidency>()
         .init_resource::<extract::ExtractedOccluders>()
         .init_gpu_resource::<OcclusionViews>()
         .add_systems(
             ExtractSchedule,
-            (extract::extract_cameras, extract::extract_occluders).in_set(FieldOcclusionSystems::Extract),
+            (extract::extract_cameras, extract::extract_occluders, residency::extract_fields)
+                .in_set(FieldOcclusionSystems::Extract),
         )
         .configure_sets(
             Render,
@@ -79,6 +91,7 @@ pub(crate) fn finish(app: &mut App) {
         .add_systems(
             Render,
             (
+                residency::update_residency.in_set(RenderSystems::PrepareAssets),
                 prepare::prepare_frames.in_set(FieldOcclusionSystems::Prepare),
                 // Bevy's bind groups are made once more, with our texture in the place of its own.
                 (compose::replace_occlusion_texture, prepare_mesh_view_bind_groups)

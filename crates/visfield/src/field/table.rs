@@ -226,11 +226,7 @@ impl ChordTable {
     /// assert_eq!(table.coarser().unwrap().representation(), TwoPoint { entries: 17, exits: 9 });
     /// ```
     pub fn coarser(&self) -> Option<Self> {
-        let Grid::TwoPoint(fine) = self.grid else { return None };
-        let [entries, exits] = [fine.entries, fine.exits].map(|side| side.div_ceil(2));
-        if entries.min(exits) < COARSEST_SIDE {
-            return None;
-        }
+        let (Grid::TwoPoint(fine), Some(format)) = (self.grid, self.coarser_format()) else { return None };
         let codes = self.codes();
         let first_hit = |from: Vec3, to: Vec3| {
             let found = lookup(&fine, from, to, (from + to) * 0.5, Aim::Point);
@@ -240,8 +236,15 @@ impl ChordTable {
             let along = 0.5 * length + fraction * found.length - found.before;
             Some(if length > 0.0 { along / length } else { fraction })
         };
-        let format = TableFormat { representation: Representation::TwoPoint { entries, exits }, ..self.format };
         Self::sample(format, |blocks| blocks.into_iter().for_each(|mut block| block.fill(first_hit))).ok()
+    }
+
+    /// What a [coarser](Self::coarser) table stores, if there is one.
+    pub fn coarser_format(&self) -> Option<TableFormat> {
+        let Grid::TwoPoint(fine) = self.grid else { return None };
+        let [entries, exits] = [fine.entries, fine.exits].map(|side| side.div_ceil(2));
+        let representation = Representation::TwoPoint { entries, exits };
+        (entries.min(exits) >= COARSEST_SIDE).then_some(TableFormat { representation, ..self.format })
     }
 
     /// What it stores.

@@ -187,6 +187,11 @@ impl FieldPool {
         self.limit_words * 4
     }
 
+    /// Largest size that the adapter allows, in bytes.
+    pub fn adapter_limit(&self) -> u64 {
+        self.most_words * 4
+    }
+
     /// Lets the buffer grow no further than to `bytes`, or to what the adapter can bind if that is less, but always to 4 KiB. A
     /// buffer that is larger already stays so until the pool is [repacked](Self::repack).
     pub fn set_limit(&mut self, bytes: u64) {
