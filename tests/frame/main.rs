@@ -2,6 +2,8 @@
 
 mod adapter;
 mod end_to_end;
+mod loss;
 mod probe;
 mod real_meshes;
+mod stage;
 mod truth;

@@ -51,14 +51,17 @@ pub enum FieldOcclusionSystems {
 }
 
 pub(crate) fn plugin(app: &mut App) {
-    app.add_plugins((
-        SyncComponentPlugin::<FieldOcclusion>::default(),
-        ExtractComponentPlugin::<FieldShadows>::default(),
-    ))
-    .init_resource::<FieldMemoryBudget>()
-    .init_resource::<RenderFeedback>()
-    .register_type::<FieldMemoryBudget>()
-    .register_type::<FieldLevel>();
+    app.init_resource::<FieldMemoryBudget>()
+        .init_resource::<RenderFeedback>()
+        .register_type::<FieldMemoryBudget>()
+        .register_type::<FieldLevel>();
+    // Without a renderer, as on a server, their hooks would panic where a component is removed.
+    if app.get_sub_app(RenderApp).is_some() {
+        app.add_plugins((
+            SyncComponentPlugin::<FieldOcclusion>::default(),
+            ExtractComponentPlugin::<FieldShadows>::default(),
+        ));
+    }
 }
 
 /// Adds what needs a capable GPU, or warns once and leaves the plugin inert.
