@@ -14,8 +14,8 @@ use bevy::log::{BoxedLayer, LogPlugin};
 use bevy::prelude::*;
 use bevy::render::settings::{RenderCreation, WgpuLimits, WgpuSettings};
 use bevy::render::{RenderApp, RenderPlugin};
-use bevy_visfield::FieldResidency;
 use bevy_visfield::prelude::*;
+use bevy_visfield::{FieldResidency, NoShadow, why_no_shadow};
 use visfield_workspace::headless::HeadlessApp;
 
 /// Warnings and errors so far.
@@ -163,6 +163,14 @@ fn bad_input_is_told_once_and_the_rest_renders() {
     let without = center(&mut headless);
     assert!(with_occluder + 20 < without, "the good field occludes: {with_occluder} and {without}");
 
+    // A budget that is too small, again and again.
+    for bytes in [0, 300_000, 1000] {
+        headless.app.insert_resource(FieldMemoryBudget { bytes, ..default() });
+        (0..3).for_each(|_| headless.update());
+    }
+
+    assert_told_once(&["FieldMemoryBudget", "the budget is 0"]);
+    assert_eq!(count(&["the budget is"]), 1);
     assert_told_once(&["damaged.vfield", "checksum"]);
     assert_told_once(&["newer.vfield", "format version 77", "bake the mesh again"]);
     assert_told_once(&["cut.vfield", "cut short"]);
@@ -189,8 +197,9 @@ fn bad_input_is_told_once_and_the_rest_renders() {
         scene(folder.path(), limited(WgpuLimits { max_storage_textures_per_shader_stage: 4, ..WgpuLimits::default() }));
     let server = headless.app.world().resource::<AssetServer>().clone();
     let good: Handle<VisibilityField> = server.load("good.vfield#ball");
-    headless.app.world_mut().spawn((VisibilityField3d(good), Transform::from_xyz(0.0, 1.2, 0.0)));
+    let occluder = headless.app.world_mut().spawn((VisibilityField3d(good), Transform::from_xyz(0.0, 1.2, 0.0))).id();
     headless.wait_until_ready();
+    assert_eq!(why_no_shadow(headless.app.world_mut(), occluder), Some(NoShadow::Inert));
     assert_eq!(center(&mut headless), without);
     assert!(headless.app.sub_app(RenderApp).world().get_resource::<FieldResidency>().is_none(), "nothing is uploaded");
     assert_told_once(&["VisibilityFieldPlugin stays inert", "max_storage_textures_per_shader_stage is 4"]);

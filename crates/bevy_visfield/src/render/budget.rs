@@ -105,9 +105,9 @@ pub(super) fn levels_within(budget: u64, fields: &[LevelBytes]) -> Vec<FieldLeve
     // One large field may have freed more than was missing, after small ones had to go.
     for (field, level) in fields.iter().zip(&mut levels) {
         let now = field.of(*level).unwrap_or(0);
-        let better = FieldLevel::ALL.into_iter().rev().take_while(|better| better > level);
+        let mut better = FieldLevel::ALL.into_iter().rev().take_while(|better| better > level);
         let fits = |better: FieldLevel| field.of(better).filter(|more| total - now + more <= budget).zip(Some(better));
-        if let Some((more, better)) = better.filter_map(fits).next() {
+        if let Some((more, better)) = better.find_map(fits) {
             (*level, total) = (better, total - now + more);
         }
     }

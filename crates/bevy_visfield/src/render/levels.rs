@@ -1,6 +1,6 @@
 //! One field at all its levels: the baked one, and what is made of it when the GPU's memory is short.
 
-use bevy::math::Affine3A;
+use bevy::math::{Affine3A, Vec3A};
 use bevy::prelude::*;
 use bevy::tasks::{AsyncComputeTaskPool, Task, futures::check_ready};
 use visfield::field::lookup::Grid;
@@ -23,7 +23,7 @@ pub(super) struct Levels {
 enum Coarse {
     NotMade,
     Making(Task<Option<VisibilityField>>),
-    Made(VisibilityField),
+    Made(Box<VisibilityField>),
 }
 
 impl Levels {
@@ -76,7 +76,7 @@ impl Levels {
                     }));
                 }
                 Coarse::Making(task) => match check_ready(task) {
-                    Some(Some(made)) => self.coarse = Coarse::Made(made),
+                    Some(Some(made)) => self.coarse = Coarse::Made(Box::new(made)),
                     Some(None) => self.give_up(level),
                     None => {}
                 },
@@ -112,7 +112,7 @@ impl Levels {
     /// Centre and radius of a sphere around an instance, roughly: to tell near from far.
     pub(super) fn sphere_in_world(&self, world_from_mesh: &Affine3A) -> (Vec3, f32) {
         let linear = world_from_mesh.matrix3;
-        let stretch = [linear.x_axis, linear.y_axis, linear.z_axis].map(|axis| axis.length());
+        let stretch = [linear.x_axis, linear.y_axis, linear.z_axis].map(Vec3A::length);
         let (center, radius) = self.sphere;
         (world_from_mesh.transform_point3(center), radius * stretch.into_iter().fold(0.0, f32::max))
     }

@@ -125,7 +125,7 @@ fn place_occluders(
         let hides_large_lights = slot.cap_grid().is_some_and(|grid| caps && grid.order == HarmonicOrder::Three);
         let casts = |light: &FrameLight| slot.table().is_some() || hides_large_lights && light.is_large();
         let occludes = !ambient || caps;
-        if !residency.has_table(occluder.field) && !(occludes && lights.iter().all(casts)) {
+        if residency.lacks_table(occluder.field) && !(occludes && lights.iter().all(casts)) {
             warn_once!(
                 "a visibility field has a cap grid and no table: it casts no shadows (but of large lights, with `--order 3`), \
                  and occludes ambient light only for cameras whose FieldOcclusion takes it from cap grids. Bake it with \

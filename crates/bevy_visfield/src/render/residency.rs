@@ -60,20 +60,16 @@ impl ResidentField {
     }
 
     fn resident_bytes(&self) -> u64 {
-        self.levels.bytes().of(self.level()).unwrap_or(0)
+        self.slot.as_ref().map_or(0, |(_, slot)| slot.bytes())
     }
 }
 
 impl FromWorld for FieldResidency {
     fn from_world(world: &mut World) -> Self {
-        Self {
-            pool: FieldPool::new(world.resource::<RenderDevice>().wgpu_device()),
-            fields: HashMap::new(),
-            budget: FieldMemoryBudget::default(),
-            up_to_date: false,
-            changed: true,
-            warned: false,
-        }
+        let budget = FieldMemoryBudget::default();
+        let mut pool = FieldPool::new(world.resource::<RenderDevice>().wgpu_device());
+        pool.set_limit(budget.bytes);
+        Self { pool, fields: HashMap::new(), budget, up_to_date: false, changed: true, warned: false }
     }
 }
 
@@ -111,9 +107,9 @@ impl FieldResidency {
         self.fields.get(&id)?.slot.as_ref().map(|(_, slot)| slot)
     }
 
-    /// Whether a field was baked with a table, be it on the GPU or not.
-    pub(super) fn has_table(&self, id: AssetId<VisibilityField>) -> bool {
-        self.fields.get(&id).is_some_and(|field| field.levels.field().answers_rays())
+    /// Whether a field was baked without a table: then it is not the budget that keeps one off the GPU.
+    pub(super) fn lacks_table(&self, id: AssetId<VisibilityField>) -> bool {
+        self.fields.get(&id).is_some_and(|field| !field.levels.field().answers_rays())
     }
 
     /// Takes what the asset is now, if there is one: a field that changed must not occlude as it was, and leaves its room.
@@ -297,7 +293,8 @@ pub(super) fn update_residency(
                 .filter(|(_, layers)| occluder.layers.intersects(layers))
                 .map(|(camera, _)| camera.distance(center))
                 .fold(f32::INFINITY, f32::min);
-            let need = radius / nearest.max(f32::MIN_POSITIVE);
+            // Nowhere is an object needed more than in its middle.
+            let need = radius / nearest.max(radius * 1.0e-3);
             if need.is_finite() {
                 let largest = needs.entry(occluder.field).or_default();
                 *largest = largest.max(need);

@@ -97,6 +97,11 @@ impl FieldSlot {
         self.cap_grid.as_ref()
     }
 
+    /// Bytes that it occupies.
+    pub fn bytes(&self) -> u64 {
+        (self.words.end - self.words.start) * 4
+    }
+
     /// The field's bounding ellipsoid in its mesh's space.
     pub fn bounds(&self) -> &BoundingEllipsoid {
         &self.bounds
@@ -259,7 +264,7 @@ impl FieldPool {
 
     /// Frees a field's place. Frames already encoded may still read it; its bytes stay until the next insertion.
     pub fn remove(&mut self, slot: FieldSlot) {
-        self.statistics.resident_bytes -= (slot.words.end - slot.words.start) * 4;
+        self.statistics.resident_bytes -= slot.bytes();
         self.words.free_range(slot.words);
     }
 
@@ -275,6 +280,9 @@ impl FieldPool {
     /// ```
     ///
     /// `resident` are all slots that the pool has given and not got back, with the fields that they were given for.
+    ///
+    /// # Panics
+    /// If some of them are of another pool, and together take more than this one holds.
     pub fn repack<'a>(
         &mut self,
         device: &wgpu::Device,
@@ -290,9 +298,9 @@ impl FieldPool {
             device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("repack field pool") });
         let mut headers = Vec::new();
         for (slot, field) in resident {
-            let length = slot.words.end - slot.words.start;
-            let range = words.allocate_range(length).expect("the buffer was made for all of them");
-            encoder.copy_buffer_to_buffer(&self.buffer, slot.words.start * 4, &buffer, range.start * 4, length * 4);
+            let bytes = slot.bytes();
+            let range = words.allocate_range(bytes / 4).expect("the buffer was made for all of them");
+            encoder.copy_buffer_to_buffer(&self.buffer, slot.words.start * 4, &buffer, range.start * 4, bytes);
             if let Some(table) = &mut slot.table {
                 table.first_byte = (range.start * 4) as u32;
             }
