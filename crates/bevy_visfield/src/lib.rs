@@ -50,6 +50,7 @@ mod components;
 mod debug;
 mod diagnose;
 mod render;
+mod shader_patch;
 
 use bevy::app::{App, Plugin};
 use bevy::asset::AssetApp;

@@ -100,7 +100,7 @@ impl SyncComponent for FieldShadows {
 
 impl ExtractComponent for FieldShadows {
     type QueryData = &'static Self;
-    type QueryFilter = With<DirectionalLight>;
+    type QueryFilter = Or<(With<DirectionalLight>, With<PointLight>, With<SpotLight>, With<RectLight>)>;
     type Out = Self;
 
     fn extract_component(settings: QueryItem<'_, '_, Self::QueryData>) -> Option<Self> {

@@ -3,6 +3,8 @@
 
 mod compose;
 mod extract;
+mod lights;
+mod masks;
 mod node;
 mod prepare;
 mod residency;
@@ -18,6 +20,7 @@ use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, Render
 use visfield::gpu::OcclusionPasses;
 
 use crate::components::{FieldOcclusion, FieldShadows};
+use crate::shader_patch::patch_shaders;
 use node::OcclusionViews;
 use residency::ResidentField;
 
@@ -92,6 +95,5 @@ pub(crate) fn finish(app: &mut App) {
             FieldOcclusionSystems::Trace.after(Core3dSystems::Prepass).before(Core3dSystems::MainPass),
         )
         .add_systems(Core3d, node::field_occlusion.in_set(FieldOcclusionSystems::Trace));
-    // After the asset events of the frame and before extraction, so that no pipeline is built from the unpatched shader.
-    app.add_systems(Last, compose::mask_direct_light);
+    patch_shaders(app, [compose::MASK_DIRECT_LIGHT]);
 }
