@@ -49,6 +49,7 @@ pub mod bake;
 mod components;
 mod debug;
 mod diagnose;
+mod receivers;
 mod render;
 mod shader_patch;
 
@@ -61,6 +62,7 @@ pub use components::{
     VisibilityField3d,
 };
 pub use debug::FieldDebugView;
+pub use receivers::{NotFieldReceiver, OwnSurfaceOcclusion};
 pub use render::{FieldOcclusionFrame, FieldOcclusionSystems, FieldResidency};
 
 /// What most users need.
@@ -68,8 +70,8 @@ pub mod prelude {
     #[cfg(feature = "bake")]
     pub use crate::bake::{BakeProgress, BakeVisibilityField};
     pub use crate::{
-        FieldDebugView, FieldOcclusion, FieldOcclusionQuality, FieldShadows, NotFieldOccluder, OcclusionEstimator,
-        VisibilityField, VisibilityField3d, VisibilityFieldPlugin,
+        FieldDebugView, FieldOcclusion, FieldOcclusionQuality, FieldShadows, NotFieldOccluder, NotFieldReceiver,
+        OcclusionEstimator, OwnSurfaceOcclusion, VisibilityField, VisibilityField3d, VisibilityFieldPlugin,
     };
 }
 
@@ -94,6 +96,8 @@ impl Plugin for VisibilityFieldPlugin {
             .register_type::<FieldOcclusion>()
             .register_type::<FieldShadows>()
             .register_type::<FieldDebugView>()
+            .register_type::<NotFieldReceiver>()
+            .register_type::<OwnSurfaceOcclusion>()
             .add_plugins((render::plugin, debug::plugin, diagnose::plugin));
         #[cfg(feature = "bake")]
         app.add_plugins(bake::plugin);

@@ -49,7 +49,9 @@ fn apply_patches(
         let (AssetEvent::Added { id } | AssetEvent::Modified { id }) = event else { continue };
         // Untracked: the event at hand has yet to be extracted, and will carry the patched source.
         let Some(shader) = shaders.get_mut_untracked(*id) else { continue };
-        for ShaderPatch { module, patched, purpose } in patches.0.iter().filter(|patch| patch.is_for(&shader.import_path)) {
+        for ShaderPatch { module, patched, purpose } in
+            patches.0.iter().filter(|patch| patch.is_for(&shader.import_path))
+        {
             if let Some(source) = patched(shader.source.as_str()) {
                 // Only the text and what it imports: the rest is as the loader made it.
                 let Shader { source, imports, .. } = Shader::from_wgsl(source, shader.path.clone());

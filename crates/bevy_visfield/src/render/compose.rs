@@ -88,8 +88,7 @@ fn masked_source(source: &str) -> Option<String> {
     if source.matches(ADD_SHADOWED_LIGHT).count() != SHADOWED_LIGHTS.len() {
         return None;
     }
-    let mut masked =
-        replace_exactly(source, 1, APPLY_LIGHTING, &[VISIBILITY_FUNCTIONS, APPLY_LIGHTING].concat())?;
+    let mut masked = replace_exactly(source, 1, APPLY_LIGHTING, &[VISIBILITY_FUNCTIONS, APPLY_LIGHTING].concat())?;
     for (light, visibility) in SHADOWED_LIGHTS {
         masked = replace_exactly(&masked, 1, light, &[light, &shadow_by(visibility)].concat())?;
     }

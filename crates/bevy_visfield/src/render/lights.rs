@@ -206,11 +206,15 @@ mod tests {
 
     fn chosen(importances: &[f32], most: usize) -> Vec<u32> {
         let candidates = (0..).zip(importances).map(|(index, importance)| candidate(index, *importance)).collect();
-        choose(candidates, most).into_iter().map(|light| light.entity.index_u32()).collect()
+        let lights = choose(candidates, most);
+        assert!(lights.is_sorted_by_key(|light| light.entity), "their order depends on nothing else");
+        let mut chosen: Vec<_> = lights.iter().map(|light| light.entity.index_u32()).collect();
+        chosen.sort_unstable();
+        chosen
     }
 
     #[test]
-    fn the_most_important_lights_are_chosen_and_keep_their_order() {
+    fn the_most_important_lights_are_chosen() {
         let importances = [1.0, f32::INFINITY, 0.0, 5.0, 2.0];
         assert_eq!(chosen(&importances, 5), [0, 1, 2, 3, 4]);
         assert_eq!(chosen(&importances, 3), [1, 3, 4]);

@@ -130,7 +130,8 @@ impl MaskTable {
         let mut header = vec![[f16::ZERO; 4]; width * self.header_rows as usize];
         let mut set = |texel: u32, value: [u16; 4]| {
             let (row, column) = (texel as usize / width, texel as usize % width);
-            header[(self.header_rows as usize - 1 - row) * width + column] = value.map(|number| f16::from_f32(number.into()));
+            header[(self.header_rows as usize - 1 - row) * width + column] =
+                value.map(|number| f16::from_f32(number.into()));
         };
         set(0, [1, self.pages as u16, self.header_rows as u16, 1]);
         let mut rects = RECT_LIGHTS..CLUSTERED_LIGHTS;
@@ -148,6 +149,10 @@ impl MaskTable {
         header
     }
 }
+
+#[cfg(test)]
+#[path = "masks_on_gpu.rs"]
+mod on_gpu;
 
 #[cfg(test)]
 mod tests {

@@ -20,6 +20,7 @@ use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, Render
 use visfield::gpu::OcclusionPasses;
 
 use crate::components::{FieldOcclusion, FieldShadows};
+use crate::receivers;
 use crate::shader_patch::patch_shaders;
 use node::OcclusionViews;
 use residency::ResidentField;
@@ -96,4 +97,5 @@ pub(crate) fn finish(app: &mut App) {
         )
         .add_systems(Core3d, node::field_occlusion.in_set(FieldOcclusionSystems::Trace));
     patch_shaders(app, [compose::MASK_DIRECT_LIGHT]);
+    receivers::keep_receiver_flags(app);
 }
