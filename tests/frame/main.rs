@@ -2,6 +2,8 @@
 
 mod adapter;
 mod end_to_end;
+mod lights;
 mod probe;
 mod real_meshes;
+mod receivers;
 mod truth;
