@@ -1,9 +1,12 @@
 //! How occlusion reaches unmodified materials: Bevy's PBR shader reads our texture in the place of its screen-space
 //! ambient occlusion, and shadows direct light with the masks in the texture's other channels ([`super::masks`]).
 
+use std::mem;
+
 use bevy::pbr::{ScreenSpaceAmbientOcclusionResources, SsaoBindGroups, SsaoPipelineId};
 use bevy::prelude::*;
 use bevy::render::render_resource::WgpuLimits;
+use bevy::render::texture::CachedTexture;
 use visfield::gpu::MissingCapability;
 
 use super::prepare::FieldOcclusionFrame;
@@ -16,14 +19,36 @@ pub(super) fn check(limits: &WgpuLimits) -> Result<(), MissingCapability> {
     if found < needed { Err(missing) } else { Ok(()) }
 }
 
-/// Puts our texture where Bevy's lighting reads its own, and keeps Bevy's own passes from running.
+/// Marks views whose camera has Bevy's screen-space ambient occlusion beside ours: it stays, to be combined with ours.
+#[derive(Component)]
+pub struct CombinesScreenSpace;
+
+/// What Bevy's own passes fill in such views, as large as the viewport: ambient visibility in the red channel. It is
+/// complete in `Core3dSystems::MainPass`, and not before: Bevy's system has no name to order others by, but is ordered
+/// before that set.
+#[derive(Component)]
+pub struct ScreenSpaceOcclusion(pub(super) CachedTexture);
+
+/// Puts our texture where Bevy's lighting reads its own. Bevy's own passes do not run, unless their result is combined with
+/// ours: then it is kept for our passes.
 pub(super) fn replace_occlusion_texture(
     mut commands: Commands,
-    mut views: Query<(Entity, &FieldOcclusionFrame, &mut ScreenSpaceAmbientOcclusionResources)>,
+    mut views: Query<(
+        Entity,
+        &FieldOcclusionFrame,
+        &mut ScreenSpaceAmbientOcclusionResources,
+        Has<CombinesScreenSpace>,
+    )>,
 ) {
-    for (entity, frame, mut resources) in &mut views {
-        resources.screen_space_ambient_occlusion_texture = frame.output.clone();
-        commands.entity(entity).remove::<(SsaoBindGroups, SsaoPipelineId)>();
+    for (entity, frame, mut resources, combines) in &mut views {
+        let bevys_own = mem::replace(&mut resources.screen_space_ambient_occlusion_texture, frame.output.clone());
+        let mut view = commands.entity(entity);
+        if combines {
+            // Bevy's bind groups have the texture already.
+            view.insert(ScreenSpaceOcclusion(bevys_own));
+        } else {
+            view.remove::<(SsaoBindGroups, SsaoPipelineId)>();
+        }
     }
 }
 
