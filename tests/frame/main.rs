@@ -2,8 +2,10 @@
 
 mod adapter;
 mod end_to_end;
+mod lights;
 mod loss;
 mod probe;
 mod real_meshes;
+mod receivers;
 mod stage;
 mod truth;

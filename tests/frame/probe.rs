@@ -17,6 +17,8 @@ pub(crate) struct ProbedFrame {
     pub(crate) camera: Vec3,
     /// Per pixel: the unoccluded share of ambient light, and the visible share of the first light.
     pub(crate) visibility: Vec<[f32; 2]>,
+    /// Per pixel: the alpha channel of the normals.
+    pub(crate) receivers: Vec<f32>,
 }
 
 #[derive(Resource, Default)]
@@ -112,5 +114,6 @@ pub(crate) fn read(app: &App) -> ProbedFrame {
         },
         camera: probe.camera,
         visibility: pixels.iter().map(|[_, occlusion]| [occlusion[0], 1.0 - occlusion[1]]).collect(),
+        receivers: pixels.iter().map(|[_, occlusion]| occlusion[3]).collect(),
     }
 }

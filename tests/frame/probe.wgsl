@@ -1,4 +1,5 @@
-// Copies what the node saw and what it made into a buffer: two vectors per pixel.
+// Copies what the node saw and what it made into a buffer: two vectors per pixel. The flags of the receiver, in the normals'
+// alpha, take the place of the occlusion's.
 
 @group(0) @binding(0) var depth_texture: texture_depth_2d;
 @group(0) @binding(1) var normal_texture: texture_2d<f32>;
@@ -12,7 +13,7 @@ fn probe(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let at = (id.y * size.x + id.x) * 2u;
-    let normal = textureLoad(normal_texture, id.xy, 0).xyz * 2.0 - 1.0;
-    pixels[at] = vec4<f32>(normal, textureLoad(depth_texture, id.xy, 0));
-    pixels[at + 1u] = textureLoad(occlusion_texture, id.xy, 0);
+    let normal = textureLoad(normal_texture, id.xy, 0);
+    pixels[at] = vec4<f32>(normal.xyz * 2.0 - 1.0, textureLoad(depth_texture, id.xy, 0));
+    pixels[at + 1u] = vec4<f32>(textureLoad(occlusion_texture, id.xy, 0).xyz, normal.a);
 }

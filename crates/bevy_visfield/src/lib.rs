@@ -50,7 +50,9 @@ mod components;
 mod debug;
 mod diagnose;
 mod no_shadow;
+mod receivers;
 mod render;
+mod shader_patch;
 
 use bevy::app::{App, Plugin};
 use bevy::asset::AssetApp;
@@ -63,6 +65,7 @@ pub use components::{
 pub use debug::FieldDebugView;
 pub use no_shadow::{FieldShadowDiagnosis, NoShadow, why_no_shadow};
 pub use render::{FieldLevel, FieldMemoryBudget, FieldOcclusionFrame, FieldOcclusionSystems, FieldResidency};
+pub use receivers::{NotFieldReceiver, OwnSurfaceOcclusion};
 
 /// What most users need.
 pub mod prelude {
@@ -70,7 +73,8 @@ pub mod prelude {
     pub use crate::bake::{BakeProgress, BakeVisibilityField};
     pub use crate::{
         FieldDebugView, FieldMemoryBudget, FieldOcclusion, FieldOcclusionQuality, FieldShadowDiagnosis, FieldShadows,
-        NotFieldOccluder, OcclusionEstimator, VisibilityField, VisibilityField3d, VisibilityFieldPlugin,
+        NotFieldOccluder, NotFieldReceiver, OcclusionEstimator, OwnSurfaceOcclusion, VisibilityField,
+        VisibilityField3d, VisibilityFieldPlugin,
     };
 }
 
@@ -96,6 +100,8 @@ impl Plugin for VisibilityFieldPlugin {
             .register_type::<FieldShadows>()
             .register_type::<FieldDebugView>()
             .register_type::<NoShadow>()
+            .register_type::<NotFieldReceiver>()
+            .register_type::<OwnSurfaceOcclusion>()
             .add_plugins((render::plugin, debug::plugin, diagnose::plugin));
         #[cfg(feature = "bake")]
         app.add_plugins(bake::plugin);

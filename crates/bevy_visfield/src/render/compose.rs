@@ -1,14 +1,16 @@
 //! How occlusion reaches unmodified materials: Bevy's PBR shader reads our texture in the place of its screen-space
-//! ambient occlusion, and multiplies direct light with the masks in the texture's other channels.
+//! ambient occlusion, and shadows direct light with the masks in the texture's other channels ([`super::masks`]).
 
-use bevy::asset::AssetEvent;
+use std::mem;
+
 use bevy::pbr::{ScreenSpaceAmbientOcclusionResources, SsaoBindGroups, SsaoPipelineId};
 use bevy::prelude::*;
 use bevy::render::render_resource::WgpuLimits;
-use bevy::shader::{Shader, ShaderImport, Source};
+use bevy::render::texture::CachedTexture;
 use visfield::gpu::MissingCapability;
 
 use super::prepare::FieldOcclusionFrame;
+use crate::shader_patch::{ShaderPatch, replace_exactly};
 
 /// Bevy makes the texture that we replace only where its own screen-space ambient occlusion runs.
 pub(super) fn check(limits: &WgpuLimits) -> Result<(), MissingCapability> {
@@ -17,87 +19,117 @@ pub(super) fn check(limits: &WgpuLimits) -> Result<(), MissingCapability> {
     if found < needed { Err(missing) } else { Ok(()) }
 }
 
-/// Puts our texture where Bevy's lighting reads its own, and keeps Bevy's own passes from running.
+/// Marks views whose camera has Bevy's screen-space ambient occlusion beside ours: it stays, to be combined with ours.
+#[derive(Component)]
+pub struct CombinesScreenSpace;
+
+/// What Bevy's own passes fill in such views, as large as the viewport: ambient visibility in the red channel. It is
+/// complete in `Core3dSystems::MainPass`, and not before: Bevy's system has no name to order others by, but is ordered
+/// before that set.
+#[derive(Component)]
+pub struct ScreenSpaceOcclusion(pub(super) CachedTexture);
+
+/// Puts our texture where Bevy's lighting reads its own. Bevy's own passes do not run, unless their result is combined with
+/// ours: then it is kept for our passes.
 pub(super) fn replace_occlusion_texture(
     mut commands: Commands,
-    mut views: Query<(Entity, &FieldOcclusionFrame, &mut ScreenSpaceAmbientOcclusionResources)>,
+    mut views: Query<(
+        Entity,
+        &FieldOcclusionFrame,
+        &mut ScreenSpaceAmbientOcclusionResources,
+        Has<CombinesScreenSpace>,
+    )>,
 ) {
-    for (entity, frame, mut resources) in &mut views {
-        resources.screen_space_ambient_occlusion_texture = frame.output.clone();
-        commands.entity(entity).remove::<(SsaoBindGroups, SsaoPipelineId)>();
-    }
-}
-
-/// The module of Bevy's shader that sums up the lights.
-const LIGHTING_MODULE: &str = "bevy_pbr::pbr_functions";
-
-/// Lets Bevy's lighting read the light masks, as soon as its shader arrives (and again if it is reloaded).
-pub(super) fn mask_direct_light(mut events: MessageReader<AssetEvent<Shader>>, mut shaders: ResMut<Assets<Shader>>) {
-    for event in events.read() {
-        let (AssetEvent::Added { id } | AssetEvent::Modified { id }) = event else { continue };
-        // Untracked: the event at hand has yet to be extracted, and will carry the patched source.
-        let Some(shader) = shaders.get_mut_untracked(*id) else { continue };
-        if shader.import_path != ShaderImport::Custom(LIGHTING_MODULE.to_owned()) {
-            continue;
-        }
-        if let Some(source) = masked_source(shader.source.as_str()) {
-            shader.source = Source::Wgsl(source.into());
+    for (entity, frame, mut resources, combines) in &mut views {
+        let bevys_own = mem::replace(&mut resources.screen_space_ambient_occlusion_texture, frame.output.clone());
+        let mut view = commands.entity(entity);
+        if combines {
+            // Bevy's bind groups have the texture already.
+            view.insert(ScreenSpaceOcclusion(bevys_own));
         } else {
-            error!(
-                "{LIGHTING_MODULE} is not the one of Bevy 0.19: lights will have no field shadows. Use the Bevy version \
-                 that this version of bevy_visfield was made for."
-            );
+            view.remove::<(SsaoBindGroups, SsaoPipelineId)>();
         }
     }
 }
 
-/// Where directional light is computed…
-const DIRECTIONAL_LIGHT: &str = "var light_contrib = lighting::directional_light(i, &lighting_input, enable_diffuse);";
-/// …and where it is added. The same statement serves point and spot lights further up.
-const ADD_LIGHT: &str = "direct_light += light_contrib * shadow;";
-/// The function that both belong to.
+/// Lets Bevy's lighting read the light masks.
+pub(super) const MASK_DIRECT_LIGHT: ShaderPatch = ShaderPatch {
+    module: "bevy_pbr::pbr_functions",
+    patched: masked_source,
+    purpose: "lights will have no field shadows",
+};
+
+/// What reads the masks.
+const VISIBILITY_FUNCTIONS: &str =
+    concat!("#ifdef SCREEN_SPACE_AMBIENT_OCCLUSION\n", include_str!("masks.wgsl"), "#endif\n\n");
+/// The function that the following belong to; the functions that read masks go before it.
 const APPLY_LIGHTING: &str = "fn apply_pbr_lighting(";
 
-const ADD_MASKED_LIGHT: &str = "
+/// Where the light of point, spot and directional lights is computed, in the order of the source, and what tells the mask.
+const SHADOWED_LIGHTS: [(&str, &str); 3] = [
+    (
+        "let light_contrib = lighting::point_light(light_id, &lighting_input, enable_diffuse, true);",
+        "visfield_clustered_visibility(light_id, in.frag_coord.xy)",
+    ),
+    (
+        "let light_contrib = lighting::spot_light(light_id, &lighting_input, enable_diffuse);",
+        "visfield_clustered_visibility(light_id, in.frag_coord.xy)",
+    ),
+    (
+        "var light_contrib = lighting::directional_light(i, &lighting_input, enable_diffuse);",
+        "visfield_directional_visibility(i, in.frag_coord.xy)",
+    ),
+];
+/// Where their light is added, once after each.
+const ADD_SHADOWED_LIGHT: &str = "direct_light += light_contrib * shadow;";
+
+/// Where the light of rect lights is computed…
+const RECT_LIGHT: &str = "let light_contrib = lighting::rect_light(i, &lighting_input, enable_diffuse);";
+/// …and where it is added. Bevy has no shadows for them.
+const ADD_RECT_LIGHT: &str = "direct_light += light_contrib;";
+const ADD_MASKED_RECT_LIGHT: &str = "
 #ifdef SCREEN_SPACE_AMBIENT_OCCLUSION
         if (in.flags & MESH_FLAGS_SHADOW_RECEIVER_BIT) != 0u {
-            shadow *= visfield_directional_visibility(i, in.frag_coord.xy);
+            direct_light += light_contrib * visfield_rect_visibility(i, in.frag_coord.xy);
+        } else {
+            direct_light += light_contrib;
         }
-#endif
-        direct_light += light_contrib * shadow;";
+#else
+        direct_light += light_contrib;
+#endif";
 
-/// Green and blue hold occlusion and alpha visibility, so that the textures of other cameras, which have but a red channel,
-/// read as unshadowed.
-const VISIBILITY_FUNCTION: &str = "
-#ifdef SCREEN_SPACE_AMBIENT_OCCLUSION
-fn visfield_directional_visibility(light: u32, frag_coord: vec2<f32>) -> f32 {
-    let masks = textureLoad(view_bindings::screen_space_ambient_occlusion_texture, vec2<i32>(frag_coord), 0);
-    switch light {
-        case 0u: { return 1.0 - masks.g; }
-        case 1u: { return 1.0 - masks.b; }
-        case 2u: { return masks.a; }
-        default: { return 1.0; }
-    }
-}
-#endif
-";
-
-/// Bevy's lighting with the masks, the source itself if it has them already, or `None` if its text is not what we know.
+/// Bevy's lighting with the masks, the source itself if it has them already, or `None` if its text is not what we know. Of
+/// mask and shadow map the darker wins: both know the same objects. Light that a material transmits is not masked.
 fn masked_source(source: &str) -> Option<String> {
-    if source.contains(VISIBILITY_FUNCTION) {
+    if source.contains(VISIBILITY_FUNCTIONS) {
         return Some(source.to_owned());
     }
-    let once = |text: &str| source.matches(text).count() == 1;
-    if !once(DIRECTIONAL_LIGHT) || !once(APPLY_LIGHTING) || source.matches(ADD_LIGHT).count() != 3 {
+    // Each light is computed and then added, before the next.
+    let statements = SHADOWED_LIGHTS.iter().flat_map(|(light, _)| [*light, ADD_SHADOWED_LIGHT]);
+    let mut rest = source;
+    for statement in statements.chain([RECT_LIGHT, ADD_RECT_LIGHT]) {
+        rest = rest.split_once(statement)?.1;
+    }
+    if source.matches(ADD_SHADOWED_LIGHT).count() != SHADOWED_LIGHTS.len() {
         return None;
     }
-    let (before, lighting) = source.split_at(source.find(APPLY_LIGHTING)?);
-    let (upper, directional) = lighting.split_at(lighting.find(DIRECTIONAL_LIGHT)?);
-    if !directional.contains(ADD_LIGHT) {
-        return None;
+    let mut masked = replace_exactly(source, 1, APPLY_LIGHTING, &[VISIBILITY_FUNCTIONS, APPLY_LIGHTING].concat())?;
+    for (light, visibility) in SHADOWED_LIGHTS {
+        masked = replace_exactly(&masked, 1, light, &[light, &shadow_by(visibility)].concat())?;
     }
-    let directional = directional.replacen(ADD_LIGHT, ADD_MASKED_LIGHT, 1);
-    Some([before, VISIBILITY_FUNCTION, upper, &directional].concat())
+    masked = replace_exactly(&masked, 1, RECT_LIGHT, RECT_LIGHT)?;
+    replace_exactly(&masked, 1, ADD_RECT_LIGHT, ADD_MASKED_RECT_LIGHT)
+}
+
+fn shadow_by(visibility: &str) -> String {
+    format!(
+        "
+#ifdef SCREEN_SPACE_AMBIENT_OCCLUSION
+        if (in.flags & MESH_FLAGS_SHADOW_RECEIVER_BIT) != 0u {{
+            shadow = min(shadow, {visibility});
+        }}
+#endif"
+    )
 }
 
 #[cfg(test)]
@@ -106,19 +138,32 @@ mod tests {
 
     const KNOWN: &str = "
 fn apply_pbr_lighting(in: PbrInput) {
-    direct_light += light_contrib * shadow;
-    direct_light += light_contrib * shadow;
+        let light_contrib = lighting::point_light(light_id, &lighting_input, enable_diffuse, true);
+        direct_light += light_contrib * shadow;
+            lighting::point_light(light_id, &transmissive_lighting_input, enable_diffuse, true);
+        let light_contrib = lighting::spot_light(light_id, &lighting_input, enable_diffuse);
+        direct_light += light_contrib * shadow;
         var light_contrib = lighting::directional_light(i, &lighting_input, enable_diffuse);
         direct_light += light_contrib * shadow;
+        let light_contrib = lighting::rect_light(i, &lighting_input, enable_diffuse);
+        direct_light += light_contrib;
 }";
 
     #[test]
-    fn only_directional_light_is_masked() {
+    fn every_light_is_masked_before_it_is_added() {
         let masked = masked_source(KNOWN).unwrap();
-        let (point_and_spot, directional) = masked.split_once(DIRECTIONAL_LIGHT).unwrap();
-        assert_eq!(point_and_spot.matches("shadow *=").count(), 0);
-        assert_eq!(directional.matches("shadow *= visfield_directional_visibility(i, ").count(), 1);
-        assert_eq!(masked.matches(ADD_LIGHT).count(), 3);
+        let mut parts = masked.split(ADD_SHADOWED_LIGHT);
+        for (light, visibility) in SHADOWED_LIGHTS {
+            let part = parts.next().unwrap();
+            let (_, mask) = part.split_once(light).unwrap();
+            assert_eq!(mask.trim(), shadow_by(visibility).trim());
+        }
+        let rect = parts.next().unwrap();
+        assert_eq!(rect.matches("visfield_rect_visibility(i, ").count(), 1);
+        assert_eq!(parts.next(), None);
+        assert_eq!(masked.matches("#ifdef").count(), masked.matches("#endif").count());
+        let [functions, user] = ["fn visfield_visibility(", APPLY_LIGHTING].map(|text| masked.find(text).unwrap());
+        assert!(functions < user);
     }
 
     #[test]
@@ -129,13 +174,21 @@ fn apply_pbr_lighting(in: PbrInput) {
 
     #[test]
     fn unknown_text_is_left_alone() {
-        for unknown in [
+        let [point, spot, directional] = SHADOWED_LIGHTS.map(|(light, _)| light);
+        let mut unknown: Vec<String> = [point, spot, directional, RECT_LIGHT, ADD_RECT_LIGHT, APPLY_LIGHTING]
+            .iter()
+            .flat_map(|text| [KNOWN.replace(text, ""), KNOWN.replace(text, &[*text, *text].concat())])
+            .collect();
+        unknown.extend([
             KNOWN.replace("shadow;", "shadows;"),
-            KNOWN.replacen(ADD_LIGHT, "", 1),
-            KNOWN.replace("directional_light(i,", "directional_light(k,"),
-            KNOWN.replace("apply_pbr_lighting", "apply_lighting"),
-        ] {
-            assert_eq!(masked_source(&unknown), None);
+            KNOWN.replacen(ADD_SHADOWED_LIGHT, "", 1),
+            KNOWN.replacen(ADD_SHADOWED_LIGHT, &ADD_SHADOWED_LIGHT.repeat(2), 1),
+            KNOWN.replace(spot, "exchanged").replace(point, spot).replace("exchanged", point),
+            // A light before it is computed.
+            KNOWN.replacen(point, "", 1).replacen(ADD_SHADOWED_LIGHT, &[ADD_SHADOWED_LIGHT, point].concat(), 1),
+        ]);
+        for unknown in unknown {
+            assert_eq!(masked_source(&unknown), None, "{unknown}");
         }
     }
 }

@@ -11,6 +11,7 @@ use bevy::render::extract_component::ExtractComponent;
 use bevy::render::sync_component::SyncComponent;
 use bevy::render::sync_world::RenderEntity;
 
+use super::compose::{CombinesScreenSpace, ScreenSpaceOcclusion};
 use super::prepare::FieldOcclusionFrame;
 use crate::asset::VisibilityField;
 use crate::components::{FieldOcclusion, FieldShadows, NotFieldOccluder, VisibilityField3d};
@@ -51,6 +52,8 @@ impl SyncComponent for FieldOcclusion {
     type Target = (
         Self,
         FieldOcclusionFrame,
+        CombinesScreenSpace,
+        ScreenSpaceOcclusion,
         ScreenSpaceAmbientOcclusion,
         ScreenSpaceAmbientOcclusionResources,
         SsaoPipelineId,
@@ -66,10 +69,21 @@ const SMALLEST_VIEWPORT: u32 = 16;
 pub(super) fn extract_cameras(
     mut commands: Commands,
     cameras: Extract<
-        Query<(RenderEntity, &Camera, &Msaa, &FieldOcclusion, Has<DepthPrepass>, Has<NormalPrepass>), With<Camera3d>>,
+        Query<
+            (
+                RenderEntity,
+                &Camera,
+                &Msaa,
+                &FieldOcclusion,
+                Option<&ScreenSpaceAmbientOcclusion>,
+                Has<DepthPrepass>,
+                Has<NormalPrepass>,
+            ),
+            With<Camera3d>,
+        >,
     >,
 ) {
-    for (entity, camera, msaa, settings, depth, normals) in &cameras {
+    for (entity, camera, msaa, settings, screen_space, depth, normals) in &cameras {
         let mut view = commands.entity(entity);
         if !depth || !normals {
             warn_once!(
@@ -87,7 +101,12 @@ pub(super) fn extract_cameras(
         if camera.is_active && large_enough && *msaa == Msaa::Off && depth && normals {
             // Bevy's component makes its pipelines and bind groups expect an occlusion texture. It is set in the render
             // world only, so that the user's world keeps just what the user put there.
-            view.insert((*settings, ScreenSpaceAmbientOcclusion::default()));
+            view.insert((*settings, screen_space.cloned().unwrap_or_default()));
+            if screen_space.is_some() {
+                view.insert(CombinesScreenSpace);
+            } else {
+                view.remove::<(CombinesScreenSpace, ScreenSpaceOcclusion)>();
+            }
         } else {
             view.remove::<<FieldOcclusion as SyncComponent>::Target>();
         }
@@ -100,7 +119,7 @@ impl SyncComponent for FieldShadows {
 
 impl ExtractComponent for FieldShadows {
     type QueryData = &'static Self;
-    type QueryFilter = With<DirectionalLight>;
+    type QueryFilter = Or<(With<DirectionalLight>, With<PointLight>, With<SpotLight>, With<RectLight>)>;
     type Out = Self;
 
     fn extract_component(settings: QueryItem<'_, '_, Self::QueryData>) -> Option<Self> {

@@ -6,6 +6,8 @@ mod compose;
 mod extract;
 mod feedback;
 mod levels;
+mod lights;
+mod masks;
 mod node;
 mod prepare;
 mod residency;
@@ -20,6 +22,8 @@ use bevy::render::{ExtractSchedule, GpuResourceAppExt, Render, RenderApp, Render
 use visfield::gpu::OcclusionPasses;
 
 use crate::components::{FieldOcclusion, FieldShadows};
+use crate::receivers;
+use crate::shader_patch::patch_shaders;
 use node::OcclusionViews;
 
 pub use budget::{FieldLevel, FieldMemoryBudget};
@@ -108,6 +112,6 @@ pub(crate) fn finish(app: &mut App) {
             FieldOcclusionSystems::Trace.after(Core3dSystems::Prepass).before(Core3dSystems::MainPass),
         )
         .add_systems(Core3d, node::field_occlusion.in_set(FieldOcclusionSystems::Trace));
-    // After the asset events of the frame and before extraction, so that no pipeline is built from the unpatched shader.
-    app.add_systems(Last, compose::mask_direct_light);
+    patch_shaders(app, [compose::MASK_DIRECT_LIGHT]);
+    receivers::keep_receiver_flags(app);
 }
