@@ -3,9 +3,11 @@
 use bevy::core_pipeline::prepass::{DepthPrepass, NormalPrepass};
 use bevy::prelude::*;
 
+use visfield::estimate::Falloff;
 use visfield::estimate::caps::CapCombination;
-use visfield::estimate::frame::{MAX_RAYS, TraceSettings};
+use visfield::estimate::frame::{MAX_DENOISE_PASSES, MAX_RAYS, TraceResolution, TraceSettings};
 use visfield::field::query::Bias;
+use visfield::gpu::ScreenSpaceCombination;
 
 use crate::asset::VisibilityField;
 
@@ -34,7 +36,8 @@ impl From<Handle<VisibilityField>> for VisibilityField3d {
     }
 }
 
-/// Keeps an entity with a [`VisibilityField3d`] from occluding, until this marker is removed.
+/// Keeps an entity with a [`VisibilityField3d`] from occluding, until this marker is removed: it casts neither ambient occlusion nor
+/// shadows. See [`NotFieldAmbientOccluder`] and [`NotFieldShadowCaster`] for one of both.
 ///
 /// ```
 /// use bevy::prelude::*;
@@ -47,10 +50,38 @@ impl From<Handle<VisibilityField>> for VisibilityField3d {
 #[reflect(Component, Default, Clone, PartialEq)]
 pub struct NotFieldOccluder;
 
+/// Keeps an entity with a [`VisibilityField3d`] from occluding ambient light. It still casts shadows.
+///
+/// ```
+/// use bevy::prelude::*;
+/// use bevy_visfield::{NotFieldAmbientOccluder, VisibilityField3d};
+/// fn net(field: VisibilityField3d) -> impl Bundle {
+///     (field, NotFieldAmbientOccluder)
+/// }
+/// ```
+#[derive(Component, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[reflect(Component, Default, Clone, PartialEq)]
+pub struct NotFieldAmbientOccluder;
+
+/// Keeps an entity with a [`VisibilityField3d`] from casting shadows: a lamp on its own light, an object whose shadow map does. It
+/// still occludes ambient light.
+///
+/// ```
+/// use bevy::prelude::*;
+/// use bevy_visfield::{NotFieldShadowCaster, VisibilityField3d};
+/// fn lamp(field: VisibilityField3d) -> impl Bundle {
+///     (field, NotFieldShadowCaster)
+/// }
+/// ```
+#[derive(Component, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[reflect(Component, Default, Clone, PartialEq)]
+pub struct NotFieldShadowCaster;
+
 /// Shows ambient occlusion and soft shadows from visibility fields on a 3D camera.
 ///
 /// Brings the depth and normal prepasses that it needs. Like Bevy's own screen-space effects it also needs `Msaa::Off` on
-/// its camera; with another `Msaa` it warns once and does nothing.
+/// its camera: depth and normals of several samples per pixel would need rays from each of them. With another `Msaa` it warns once
+/// and does nothing; smooth edges with FXAA, SMAA or TAA.
 ///
 /// ```
 /// use bevy::prelude::*;
@@ -74,6 +105,17 @@ pub struct FieldOcclusion {
     /// distance is cheaper in large scenes. Below the size of an object it is coarse: a cap grid knows the object as a whole,
     /// which fades out, and a table knows the ends of a line, not what lies between.
     pub max_distance: f32,
+    /// How surfaces up to there count by their distance.
+    pub falloff: OcclusionFalloff,
+    /// How dark ambient occlusion is: the exponent of the visible share of ambient light, 0 (not at all) to 8. 1, the default, is
+    /// what is true.
+    pub intensity: f32,
+    /// What becomes of Bevy's own `ScreenSpaceAmbientOcclusion`, if the camera has that too.
+    pub screen_space: ScreenSpaceOcclusion,
+    /// Whether frames are joined with those before them: other rays in every frame, and what they found follows the surfaces by
+    /// Bevy's motion vectors, whose prepass it adds. Smoother for a few rays; needs no temporal anti-aliasing. Cap grids have no use
+    /// for it. Off by default.
+    pub accumulate: bool,
     /// Scales how far an occluder must rise above the plane of a receiver to count, 1 by default: a small part of a cell of
     /// its table. Raise it if surfaces shadow themselves; lower it if fine creases are lost.
     pub bias: f32,
@@ -86,40 +128,113 @@ impl Default for FieldOcclusion {
             estimator: OcclusionEstimator::default(),
             ambient_occlusion: true,
             max_distance: f32::INFINITY,
+            falloff: OcclusionFalloff::default(),
+            intensity: 1.0,
+            screen_space: ScreenSpaceOcclusion::default(),
+            accumulate: false,
             bias: 1.0,
         }
     }
+}
+
+/// How ambient occlusion fades with the distance of what occludes.
+///
+/// ```
+/// use bevy::prelude::*;
+/// use bevy_visfield::{FieldOcclusion, OcclusionFalloff};
+/// fn soft_within_a_room() -> FieldOcclusion {
+///     FieldOcclusion { max_distance: 4.0, falloff: OcclusionFalloff::Linear, ..default() }
+/// }
+/// ```
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq)]
+#[reflect(Default, Clone, PartialEq)]
+pub enum OcclusionFalloff {
+    /// Not at all up to [`FieldOcclusion::max_distance`], where it ends.
+    #[default]
+    Binary,
+    /// Evenly, to nothing at [`FieldOcclusion::max_distance`], which must be finite.
+    Linear,
+    /// Obscurance, by e^(−`tau`·distance).
+    Obscurance {
+        /// Per world unit, above 0. Its inverse is about as far as occlusion is felt.
+        tau: f32,
+    },
+}
+
+impl From<OcclusionFalloff> for Falloff {
+    fn from(falloff: OcclusionFalloff) -> Self {
+        match falloff {
+            OcclusionFalloff::Binary => Self::Binary,
+            OcclusionFalloff::Linear => Self::Linear,
+            OcclusionFalloff::Obscurance { tau } => Self::Obscurance { tau },
+        }
+    }
+}
+
+/// What becomes of Bevy's `ScreenSpaceAmbientOcclusion` on a camera with [`FieldOcclusion`].
+///
+/// ```
+/// use bevy::{pbr::ScreenSpaceAmbientOcclusion, prelude::*};
+/// use bevy_visfield::{FieldOcclusion, ScreenSpaceOcclusion};
+/// fn with_fine_detail() -> impl Bundle {
+///     let occlusion = FieldOcclusion { screen_space: ScreenSpaceOcclusion::Darker, ..default() };
+///     (Camera3d::default(), Msaa::Off, occlusion, ScreenSpaceAmbientOcclusion::default())
+/// }
+/// ```
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[reflect(Default, Clone, PartialEq, Hash)]
+pub enum ScreenSpaceOcclusion {
+    /// It does not run.
+    Ignored,
+    /// The darker of both counts: creases by the screen, and everything else by fields.
+    #[default]
+    Darker,
+    /// Their product counts: what both see is darkened twice.
+    Product,
 }
 
 impl FieldOcclusion {
     /// How cap grids combine, if they are asked.
     fn caps(&self) -> Option<CapCombination> {
         use FieldOcclusionQuality::{Custom, High, Low, Medium, Ultra};
-        let by_quality = matches!(self.quality, Low | Medium);
-        let asked = match self.estimator {
-            OcclusionEstimator::ByQuality => by_quality,
-            OcclusionEstimator::CapGrid => true,
-            OcclusionEstimator::Rays => false,
+        let estimator = match self.estimator {
+            OcclusionEstimator::ByQuality => self.quality.cost().estimator,
+            chosen => chosen,
         };
         let combination = match self.quality {
             Low => CapCombination::Product,
             Medium | Custom { .. } => CapCombination::SoftCaps { directions: 8 },
             High | Ultra => CapCombination::SoftCaps { directions: 16 },
         };
-        asked.then_some(combination)
+        (estimator == OcclusionEstimator::CapGrid).then_some(combination)
+    }
+
+    /// How Bevy's own is joined, if it is.
+    pub(crate) fn screen_space_combination(&self) -> Option<ScreenSpaceCombination> {
+        match self.screen_space {
+            ScreenSpaceOcclusion::Ignored => None,
+            ScreenSpaceOcclusion::Darker => Some(ScreenSpaceCombination::Darker),
+            ScreenSpaceOcclusion::Product => Some(ScreenSpaceCombination::Product),
+        }
     }
 
     pub(crate) fn trace_settings(&self) -> TraceSettings {
-        let rays = self.quality.rays();
+        let cost = self.quality.cost();
         let bias = Bias::default();
         let scale = if self.bias.is_finite() { self.bias.max(0.0) } else { 1.0 };
         TraceSettings {
             caps: if self.ambient_occlusion { self.caps() } else { None },
-            ambient_rays: if self.ambient_occlusion { rays.ambient } else { 0 },
-            shadow_rays: rays.shadow,
+            ambient_rays: if self.ambient_occlusion { cost.ambient_rays } else { 0 },
+            shadow_rays: cost.shadow_rays,
+            resolution: if cost.half_resolution { TraceResolution::Half } else { TraceResolution::Full },
+            denoise_passes: cost.denoise_passes,
             max_distance: self.max_distance,
+            falloff: self.falloff.into(),
+            intensity: self.intensity,
             bias: Bias { height: bias.height * scale, along: bias.along * scale },
+            turn: 0,
         }
+        .clamped()
     }
 }
 
@@ -148,79 +263,105 @@ pub enum OcclusionEstimator {
     Rays,
 }
 
-/// What [`FieldOcclusion`] spends. The denoiser gathers the rays of 8×8 pixels for ambient occlusion and of 4×4 for each light,
-/// so that a surface sends 64 and 16 times as many as a pixel.
+/// What [`FieldOcclusion`] spends. The denoiser gathers the rays of 8×8 traced pixels for ambient occlusion and of 4×4 for each
+/// light, so that a surface sends 64 and 16 times as many as a pixel.
+///
+/// | preset | ambient occlusion | rays per pixel and light | traced | denoised |
+/// | --- | --- | --- | --- | --- |
+/// | `Low` | cap grids, as if objects hid each other by chance | 4 | every second pixel of every second row | once |
+/// | `Medium` | cap grids, along 8 directions | 8 | every second pixel of every second row | once |
+/// | `High` | 16 rays per pixel | 16 | every pixel | once |
+/// | `Ultra` | 32 rays per pixel | 32 | every pixel | once |
+///
+/// Fields without a cap grid, and receivers inside those whose grid is wrong there, get as many ambient rays as a light gets.
 ///
 /// ```
 /// use bevy_visfield::FieldOcclusionQuality;
-/// assert_eq!(FieldOcclusionQuality::High.rays().ambient, 16);
+/// assert_eq!(FieldOcclusionQuality::High.cost().ambient_rays, 16);
 /// ```
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[reflect(Default, Clone, PartialEq, Hash)]
 pub enum FieldOcclusionQuality {
-    /// Ambient occlusion by cap grids, objects combined as if they hid each other by chance. 4 rays per pixel for each light,
-    /// and for the ambient occlusion of fields without a grid.
+    /// The least that holds together.
     Low,
-    /// Ambient occlusion by cap grids, objects combined along 8 directions. 8 rays per pixel for each light, and for the
-    /// ambient occlusion of fields without a grid.
+    /// For games.
     #[default]
     Medium,
-    /// 16 rays per pixel for ambient occlusion, and 16 for each light.
+    /// Ambient occlusion by rays, and everything from every pixel.
     High,
-    /// 32 rays per pixel for ambient occlusion, and 32 for each light.
+    /// Twice the rays of that.
     Ultra,
-    /// Numbers of your own, each 1 to 32; others are clamped. Ambient occlusion is by rays, unless
-    /// [`OcclusionEstimator::CapGrid`] is chosen.
+    /// Numbers of your own. Ambient occlusion is by rays, unless [`OcclusionEstimator::CapGrid`] is chosen.
     Custom {
-        /// Ambient occlusion rays per pixel.
+        /// Ambient occlusion rays per pixel, 1 to 32; others are clamped.
         ambient_rays: u32,
-        /// Rays per pixel and light.
+        /// Rays per pixel and light, 1 to 32; others are clamped.
         shadow_rays: u32,
+        /// Whether only every second pixel of every second row sends them.
+        half_resolution: bool,
+        /// How often what they found is filtered, 0 to 2; others are clamped.
+        denoise_passes: u32,
     },
 }
 
-/// Rays per pixel.
+/// What a preset stands for.
 ///
 /// ```
-/// assert_eq!(bevy_visfield::FieldOcclusionQuality::Low.rays().shadow, 4);
+/// assert!(bevy_visfield::FieldOcclusionQuality::Low.cost().half_resolution);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RaysPerPixel {
-    /// Ambient occlusion rays.
-    pub ambient: u32,
-    /// Rays per light.
-    pub shadow: u32,
+pub struct FieldOcclusionCost {
+    /// What ambient occlusion is taken from; never by quality.
+    pub estimator: OcclusionEstimator,
+    /// Ambient occlusion rays per pixel, 1 to 32, of what is not taken from cap grids.
+    pub ambient_rays: u32,
+    /// Rays per pixel and light, 1 to 32.
+    pub shadow_rays: u32,
+    /// Whether only every second pixel of every second row sends them.
+    pub half_resolution: bool,
+    /// How often what they found is filtered, 0 to 2.
+    pub denoise_passes: u32,
 }
 
 impl FieldOcclusionQuality {
     /// The numbers behind a preset.
-    pub const fn rays(self) -> RaysPerPixel {
-        let (ambient, shadow) = match self {
-            Self::Low => (4, 4),
-            Self::Medium => (8, 8),
-            Self::High => (16, 16),
-            Self::Ultra => (MAX_RAYS, MAX_RAYS),
-            Self::Custom { ambient_rays, shadow_rays } => (ambient_rays, shadow_rays),
-        };
-        RaysPerPixel { ambient: clamp_rays(ambient), shadow: clamp_rays(shadow) }
+    pub const fn cost(self) -> FieldOcclusionCost {
+        match self {
+            Self::Low => preset_cost(OcclusionEstimator::CapGrid, 4, true),
+            Self::Medium => preset_cost(OcclusionEstimator::CapGrid, 8, true),
+            Self::High => preset_cost(OcclusionEstimator::Rays, 16, false),
+            Self::Ultra => preset_cost(OcclusionEstimator::Rays, MAX_RAYS, false),
+            Self::Custom { ambient_rays, shadow_rays, half_resolution, denoise_passes } => FieldOcclusionCost {
+                estimator: OcclusionEstimator::Rays,
+                ambient_rays: clamp(ambient_rays, 1, MAX_RAYS),
+                shadow_rays: clamp(shadow_rays, 1, MAX_RAYS),
+                half_resolution,
+                denoise_passes: clamp(denoise_passes, 0, MAX_DENOISE_PASSES),
+            },
+        }
     }
+}
+
+const fn preset_cost(estimator: OcclusionEstimator, rays: u32, half_resolution: bool) -> FieldOcclusionCost {
+    FieldOcclusionCost { estimator, ambient_rays: rays, shadow_rays: rays, half_resolution, denoise_passes: 1 }
 }
 
 /// `Ord::clamp`, which is not yet const.
-const fn clamp_rays(rays: u32) -> u32 {
-    if rays < 1 {
-        1
-    } else if rays > MAX_RAYS {
-        MAX_RAYS
+const fn clamp(number: u32, least: u32, most: u32) -> u32 {
+    if number < least {
+        least
+    } else if number > most {
+        most
     } else {
-        rays
+        number
     }
 }
 
-/// Soft shadows of a directional light, cast by entities with a [`VisibilityField3d`].
+/// Soft shadows of a light, cast by entities with a [`VisibilityField3d`]. How soft follows from the light's own size: the `radius`
+/// of a `PointLight` or `SpotLight` and `width` × `height` of a `RectLight`, in world units, and the angular radius of a
+/// `DirectionalLight`, which is told here. Each camera shadows the eleven lights that matter most to it.
 ///
-/// They multiply with the light's shadow maps, if it has those too: let objects with fields stay out of the maps
-/// (`NotShadowCaster`), or turn the maps off.
+/// Where a light has shadow maps too, the darker of both counts: both know the same objects.
 ///
 /// ```
 /// use bevy::prelude::*;
@@ -228,11 +369,15 @@ const fn clamp_rays(rays: u32) -> u32 {
 /// fn hazy_sun() -> impl Bundle {
 ///     (DirectionalLight::default(), FieldShadows { angular_radius: 0.03 })
 /// }
+/// fn bulb() -> impl Bundle {
+///     (PointLight { radius: 0.05, ..default() }, FieldShadows::default())
+/// }
 /// ```
 #[derive(Component, Reflect, Clone, Copy, Debug, PartialEq)]
 #[reflect(Component, Default, Clone, PartialEq)]
 pub struct FieldShadows {
-    /// Half of the angle that the light's disc covers in the sky, in radians, 0 to 1.2. Larger is softer. From 0.26 (15°) on, the
+    /// Half of the angle that a directional light's disc covers in the sky, in radians, 0 to 1.2. Larger is softer. Other lights
+    /// have a size of their own. From 0.26 (15°) on, the
     /// cap grids of fields that were baked with `--order 3` hide it, without rays and noise, where cap grids are used; at 15°
     /// they are coarse, from 0.5 on good.
     pub angular_radius: f32,
@@ -260,7 +405,7 @@ mod tests {
     #[test]
     fn presets_and_degenerate_settings_stay_in_range() {
         use FieldOcclusionQuality::{Custom, High, Low, Medium, Ultra};
-        let wild = Custom { ambient_rays: 0, shadow_rays: u32::MAX };
+        let wild = Custom { ambient_rays: 0, shadow_rays: u32::MAX, half_resolution: true, denoise_passes: 9 };
         for quality in [Low, Medium, High, Ultra, wild] {
             for strange in [f32::NAN, f32::INFINITY, -1.0, 0.0] {
                 let settings = FieldOcclusion { quality, max_distance: strange, bias: strange, ..default() };
@@ -269,6 +414,7 @@ mod tests {
                 assert!((1..=MAX_RAYS).contains(&trace.shadow_rays));
                 assert!(trace.clamped().max_distance >= 0.0);
                 assert!(trace.bias.height >= 0.0 && trace.bias.along.is_finite());
+                assert!(trace.denoise_passes <= MAX_DENOISE_PASSES);
             }
         }
     }
@@ -284,7 +430,7 @@ mod tests {
     fn the_cheaper_presets_use_cap_grids_unless_told_otherwise() {
         use FieldOcclusionQuality::{Custom, High, Low, Medium, Ultra};
         let caps = |quality, estimator| FieldOcclusion { quality, estimator, ..default() }.trace_settings().caps;
-        let custom = Custom { ambient_rays: 3, shadow_rays: 3 };
+        let custom = Custom { ambient_rays: 3, shadow_rays: 3, half_resolution: false, denoise_passes: 0 };
         for (quality, by_caps) in [(Low, true), (Medium, true), (High, false), (Ultra, false), (custom, false)] {
             assert_eq!(caps(quality, OcclusionEstimator::ByQuality).is_some(), by_caps, "{quality:?}");
             assert!(caps(quality, OcclusionEstimator::CapGrid).is_some());

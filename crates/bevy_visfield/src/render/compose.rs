@@ -27,7 +27,7 @@ pub struct CombinesScreenSpace;
 /// complete in `Core3dSystems::MainPass`, and not before: Bevy's system has no name to order others by, but is ordered
 /// before that set.
 #[derive(Component)]
-pub struct ScreenSpaceOcclusion(pub(super) CachedTexture);
+pub struct BevysOcclusion(pub(super) CachedTexture);
 
 /// Puts our texture where Bevy's lighting reads its own. Bevy's own passes do not run, unless their result is combined with
 /// ours: then it is kept for our passes.
@@ -45,7 +45,7 @@ pub(super) fn replace_occlusion_texture(
         let mut view = commands.entity(entity);
         if combines {
             // Bevy's bind groups have the texture already.
-            view.insert(ScreenSpaceOcclusion(bevys_own));
+            view.insert(BevysOcclusion(bevys_own));
         } else {
             view.remove::<(SsaoBindGroups, SsaoPipelineId)>();
         }

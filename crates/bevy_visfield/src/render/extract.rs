@@ -10,11 +10,16 @@ use bevy::render::Extract;
 use bevy::render::extract_component::ExtractComponent;
 use bevy::render::sync_component::SyncComponent;
 use bevy::render::sync_world::RenderEntity;
+use visfield::estimate::frame::Casting;
 
-use super::compose::{CombinesScreenSpace, ScreenSpaceOcclusion};
+use super::compose::{BevysOcclusion, CombinesScreenSpace};
 use super::prepare::FieldOcclusionFrame;
 use crate::asset::VisibilityField;
-use crate::components::{FieldOcclusion, FieldShadows, NotFieldOccluder, VisibilityField3d};
+use crate::components::{
+    FieldOcclusion, FieldShadows, NotFieldAmbientOccluder, NotFieldOccluder, NotFieldShadowCaster, ScreenSpaceOcclusion,
+    VisibilityField3d,
+};
+use crate::receivers::OwnSurfaceOcclusion;
 
 /// The frame's occluders.
 #[derive(Resource, Default)]
@@ -24,6 +29,7 @@ pub(super) struct ExtractedOccluders(pub(super) Vec<ExtractedOccluder>);
 pub(super) struct ExtractedOccluder {
     pub(super) field: AssetId<VisibilityField>,
     pub(super) world_from_mesh: Affine3A,
+    pub(super) casting: Casting,
     /// The layers that it is on; a camera that shares none does not see it occlude.
     pub(super) layers: RenderLayers,
 }
@@ -33,17 +39,29 @@ pub(super) fn extract_occluders(
     mut extracted: ResMut<ExtractedOccluders>,
     occluders: Extract<
         Query<
-            (&VisibilityField3d, &GlobalTransform, &InheritedVisibility, Option<&RenderLayers>),
+            (
+                &VisibilityField3d,
+                &GlobalTransform,
+                &InheritedVisibility,
+                Option<&RenderLayers>,
+                Option<&OwnSurfaceOcclusion>,
+                Has<NotFieldAmbientOccluder>,
+                Has<NotFieldShadowCaster>,
+            ),
             Without<NotFieldOccluder>,
         >,
     >,
 ) {
     extracted.0.clear();
-    let visible = occluders.iter().filter(|(_, _, visibility, _)| visibility.get());
-    extracted.0.extend(visible.map(|(field, transform, _, layers)| ExtractedOccluder {
-        field: field.id(),
-        world_from_mesh: transform.affine(),
-        layers: layers.cloned().unwrap_or_default(),
+    let visible = occluders.iter().filter(|(_, _, visibility, ..)| visibility.get());
+    extracted.0.extend(visible.map(|(field, transform, _, layers, own_surface, no_ambient, no_shadows)| {
+        let own_surface = own_surface != Some(&OwnSurfaceOcclusion::Off);
+        ExtractedOccluder {
+            field: field.id(),
+            world_from_mesh: transform.affine(),
+            casting: Casting { ambient: !no_ambient, shadows: !no_shadows, own_surface },
+            layers: layers.cloned().unwrap_or_default(),
+        }
     }));
 }
 
@@ -53,7 +71,7 @@ impl SyncComponent for FieldOcclusion {
         Self,
         FieldOcclusionFrame,
         CombinesScreenSpace,
-        ScreenSpaceOcclusion,
+        BevysOcclusion,
         ScreenSpaceAmbientOcclusion,
         ScreenSpaceAmbientOcclusionResources,
         SsaoPipelineId,
@@ -102,10 +120,10 @@ pub(super) fn extract_cameras(
             // Bevy's component makes its pipelines and bind groups expect an occlusion texture. It is set in the render
             // world only, so that the user's world keeps just what the user put there.
             view.insert((*settings, screen_space.cloned().unwrap_or_default()));
-            if screen_space.is_some() {
+            if screen_space.is_some() && settings.screen_space != ScreenSpaceOcclusion::Ignored {
                 view.insert(CombinesScreenSpace);
             } else {
-                view.remove::<(CombinesScreenSpace, ScreenSpaceOcclusion)>();
+                view.remove::<(CombinesScreenSpace, BevysOcclusion)>();
             }
         } else {
             view.remove::<<FieldOcclusion as SyncComponent>::Target>();

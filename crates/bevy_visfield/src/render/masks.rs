@@ -103,6 +103,11 @@ impl MaskTable {
         (0..=lights.len().min(MAX_MASKS)).rev().find_map(layout)
     }
 
+    /// The size of a page.
+    pub(super) fn page_size(&self) -> UVec2 {
+        self.page_size
+    }
+
     /// How many of the lights have masks.
     pub(super) fn masks(&self) -> usize {
         self.lights.len()

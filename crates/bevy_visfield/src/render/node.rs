@@ -3,11 +3,15 @@
 use std::collections::HashMap;
 
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::image::ToExtents;
 use bevy::prelude::*;
-use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::diagnostic::internal::DiagnosticsRecorder;
+use bevy::render::diagnostic::{RecordDiagnostics, TimeSpanGuard};
+use bevy::render::render_resource::{Origin3d, TexelCopyBufferLayout, TexelCopyTextureInfo};
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
-use visfield::gpu::{FrameInputs, OcclusionPasses, OcclusionView};
+use visfield::gpu::{FrameInputs, OcclusionPasses, OcclusionView, PassTimer, ScreenSpace};
 
+use super::compose::BevysOcclusion;
 use super::prepare::FieldOcclusionFrame;
 use super::residency::FieldResidency;
 
@@ -33,38 +37,87 @@ impl OcclusionViews {
 }
 
 pub(super) fn field_occlusion(
-    view: ViewQuery<(&FieldOcclusionFrame, &ViewPrepassTextures)>,
+    view: ViewQuery<(&FieldOcclusionFrame, &ViewPrepassTextures, Option<&BevysOcclusion>)>,
     residency: Res<FieldResidency>,
     queue: Res<RenderQueue>,
     mut views: ResMut<OcclusionViews>,
     mut context: RenderContext,
 ) {
     let entity = view.entity();
-    let (frame, prepass) = view.into_inner();
+    let (frame, prepass, bevys_occlusion) = view.into_inner();
     let (Some(depth), Some(normals)) = (prepass.depth_view(), prepass.normal_view()) else { return };
+    tell_masks(&queue, frame);
     let device = context.render_device().clone();
-    let diagnostics = context.diagnostic_recorder();
-    let diagnostics = diagnostics.as_deref();
-    let time_span = diagnostics.time_span(context.command_encoder(), "field_occlusion");
+    let recorder = context.diagnostic_recorder();
+    let mut timer = Spans { recorder: recorder.as_deref(), open: None };
+    let screen_space = bevys_occlusion.zip(frame.screen_space).map(|(occlusion, combination)| ScreenSpace {
+        visibility: &occlusion.0.default_view,
+        combination,
+    });
 
     let OcclusionViews { passes, views } = &mut *views;
     passes.encode(
-        device.wgpu_device(),
-        &queue,
-        context.command_encoder(),
+        (device.wgpu_device(), &queue, context.command_encoder()),
         residency.pool(),
         views.entry(entity).or_default(),
         &FrameInputs {
             depth,
             normals,
+            motion: prepass.motion_vectors_view().filter(|_| frame.accumulates).map(|view| &**view),
+            screen_space,
             output: &frame.output.default_view,
+            page_rows: frame.page_rows(),
             viewport: frame.viewport,
             world_from_clip: frame.world_from_clip,
             instances: &frame.instances,
             lights: &frame.lights,
+            show_tile_load: frame.show_tile_load,
             settings: frame.settings,
         },
+        &mut timer,
     );
+}
 
-    time_span.end(context.command_encoder());
+/// Tells Bevy's lighting which light has which mask.
+fn tell_masks(queue: &RenderQueue, frame: &FieldOcclusionFrame) {
+    let (origin, size) = frame.masks.header_rect();
+    queue.write_texture(
+        TexelCopyTextureInfo {
+            origin: Origin3d { x: origin.x, y: origin.y, z: 0 },
+            ..frame.output.texture.as_image_copy()
+        },
+        bytemuck::cast_slice(&frame.masks.header()),
+        TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(size.x * 8), rows_per_image: None },
+        size.to_extents(),
+    );
+}
+
+/// Times each group of passes, if the app has Bevy's `RenderDiagnosticsPlugin`.
+struct Spans<'a> {
+    recorder: Option<&'a DiagnosticsRecorder>,
+    open: Option<TimeSpanGuard<'a, DiagnosticsRecorder>>,
+}
+
+impl PassTimer for Spans<'_> {
+    fn begin(&mut self, encoder: &mut wgpu::CommandEncoder, pass: &'static str) {
+        self.open = self.recorder.map(|recorder| recorder.time_span(encoder, span_name(pass)));
+    }
+
+    fn end(&mut self, encoder: &mut wgpu::CommandEncoder) {
+        if let Some(span) = self.open.take() {
+            span.end(encoder);
+        }
+    }
+}
+
+/// What a group of passes is called in Bevy's diagnostics.
+fn span_name(pass: &'static str) -> &'static str {
+    match pass {
+        "tiles" => "field_occlusion_tiles",
+        "trace" => "field_occlusion_trace",
+        "denoise" => "field_occlusion_denoise",
+        "accumulate" => "field_occlusion_accumulate",
+        "resolve" => "field_occlusion_resolve",
+        other => other,
+    }
 }

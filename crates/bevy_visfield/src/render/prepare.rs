@@ -1,26 +1,30 @@
-//! Puts each camera's frame together: occluders relative to the camera, the lights by channel, and the texture to fill.
+//! Puts each camera's frame together: occluders relative to the camera, the lights by their masks, and the texture to fill.
 
 use bevy::camera::MainPassResolutionOverride;
 use bevy::camera::visibility::RenderLayers;
 use bevy::image::ToExtents;
 use bevy::math::{DVec3, Mat4, UVec2};
-use bevy::pbr::ExtractedDirectionalLight;
 use bevy::prelude::*;
 use bevy::render::camera::{ExtractedCamera, TemporalJitter};
 use bevy::render::render_resource::{TextureDescriptor, TextureDimension, TextureUsages};
 use bevy::render::renderer::RenderDevice;
 use bevy::render::texture::{CachedTexture, TextureCache};
 use bevy::render::view::ExtractedView;
-use visfield::estimate::frame::{FrameLight, MAX_LIGHTS, TraceSettings};
+use bevy::tasks::{ComputeTaskPool, ParallelSlice};
+use visfield::estimate::frame::{MAX_LIGHTS, TraceSettings};
+use visfield::estimate::light::Light;
 use visfield::field::cap_grid::HarmonicOrder;
-use visfield::gpu::OUTPUT_FORMAT;
 use visfield::gpu::layout::InstanceData;
+use visfield::gpu::{OUTPUT_FORMAT, ScreenSpaceCombination};
 use visfield::scene::Placement;
 
 use super::extract::{ExtractedOccluder, ExtractedOccluders};
+use super::lights::{ExtractedLights, LightShape, ShadowedLight};
+use super::masks::MaskTable;
 use super::node::OcclusionViews;
 use super::residency::FieldResidency;
-use crate::components::{FieldOcclusion, FieldShadows};
+use crate::components::FieldOcclusion;
+use crate::debug::FieldDebugView;
 
 /// One camera's frame, on its view in the render world, for passes of your own that read the occlusion texture.
 ///
@@ -28,20 +32,34 @@ use crate::components::{FieldOcclusion, FieldShadows};
 /// use bevy::{prelude::*, render::renderer::ViewQuery};
 /// use bevy_visfield::FieldOcclusionFrame;
 /// fn my_pass(view: ViewQuery<&FieldOcclusionFrame>) {
-///     let _occlusion = &view.into_inner().output.default_view;
+///     let frame = view.into_inner();
+///     let _occlusion = (&frame.output.default_view, frame.page_rows());
 /// }
 /// ```
 #[derive(Component)]
 pub struct FieldOcclusionFrame {
-    /// What the node fills, as large as the camera's target; see [`OUTPUT_FORMAT`] for its channels.
+    /// What the node fills: pages as large as the camera's target, one below the other, of four channels each; see
+    /// [`OUTPUT_FORMAT`]. Below them Bevy's lighting is told which light has which.
     pub output: CachedTexture,
+    pub(super) masks: MaskTable,
     /// First pixel and size of the camera's viewport.
     pub(super) viewport: (UVec2, UVec2),
     /// From clip space to the world relative to the camera.
     pub(super) world_from_clip: Mat4,
     pub(super) instances: Vec<InstanceData>,
-    pub(super) lights: Vec<FrameLight>,
+    /// By their masks.
+    pub(super) lights: Vec<Light>,
     pub(super) settings: TraceSettings,
+    pub(super) screen_space: Option<ScreenSpaceCombination>,
+    pub(super) accumulates: bool,
+    pub(super) show_tile_load: bool,
+}
+
+impl FieldOcclusionFrame {
+    /// Rows from a page of the output to the next.
+    pub fn page_rows(&self) -> u32 {
+        self.masks.page_size().y
+    }
 }
 
 pub(super) fn prepare_frames(
@@ -51,45 +69,82 @@ pub(super) fn prepare_frames(
     mut kept: ResMut<OcclusionViews>,
     residency: Res<FieldResidency>,
     occluders: Res<ExtractedOccluders>,
-    lights: Query<(Entity, &ExtractedDirectionalLight, Option<&RenderLayers>, Option<&FieldShadows>)>,
+    lights: ExtractedLights,
     views: Query<(
         Entity,
         &ExtractedView,
         &ExtractedCamera,
         &FieldOcclusion,
+        Option<&FieldDebugView>,
         Option<&RenderLayers>,
         Option<&TemporalJitter>,
         Option<&MainPassResolutionOverride>,
     )>,
 ) {
     kept.retain(|camera| views.contains(camera));
-    for (entity, view, camera, settings, layers, jitter, resolution) in &views {
+    let max_side = device.limits().max_texture_dimension_2d;
+    for (entity, view, camera, occlusion, debug_view, layers, jitter, resolution) in &views {
         let Some(target_size) = camera.physical_target_size else { continue };
+        let layers = layers.unwrap_or_default();
+        let mut shadowed = lights.shadowed_lights(view, layers, MAX_LIGHTS);
+        let shader_lights: Vec<_> = shadowed.iter().map(|light| light.shader_light).collect();
+        let Some(masks) = MaskTable::new(&shader_lights, target_size, max_side) else {
+            warn_once!("a camera's target of {target_size} pixels leaves no room for field occlusion: it shows none");
+            continue;
+        };
+        if masks.masks() < shadowed.len() {
+            warn_once!(
+                "a camera's target of {target_size} pixels leaves room for the shadows of {} lights, not of {}: textures \
+                 end at {max_side} pixels here. Remove FieldShadows from lights that matter less.",
+                masks.masks(),
+                shadowed.len()
+            );
+            shadowed.truncate(masks.masks());
+        }
         let output = texture_cache.get(
             &device,
             TextureDescriptor {
                 label: Some("field_occlusion_texture"),
-                size: target_size.to_extents(),
+                size: masks.texture_size().to_extents(),
                 mip_level_count: 1,
                 sample_count: 1,
                 dimension: TextureDimension::D2,
                 format: OUTPUT_FORMAT,
-                usage: TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING,
+                usage: TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
                 view_formats: &[],
             },
         );
         let viewport_size = resolution.map_or(view.viewport.zw(), |resolution| resolution.0);
-        let camera_position = view.world_from_view.translation().as_dvec3();
-        let (layers, settings) = (layers.unwrap_or_default(), settings.trace_settings());
-        let lights = masked_lights(&lights, layers);
+        let camera_position = view.world_from_view.translation();
+        let settings = occlusion.trace_settings();
+        let lights: Vec<Light> = shadowed.iter().map(|light| relative_light(light, camera_position)).collect();
         commands.entity(entity).insert(FieldOcclusionFrame {
             output,
+            masks,
             viewport: (view.viewport.xy(), viewport_size),
             world_from_clip: relative_world_from_clip(view, jitter, viewport_size),
-            instances: place_occluders(&residency, &occluders, layers, camera_position, &settings, &lights),
+            instances: place_occluders(&residency, &occluders, layers, camera_position.as_dvec3(), &settings, &lights),
             lights,
             settings,
+            screen_space: occlusion.screen_space_combination(),
+            accumulates: occlusion.accumulate,
+            show_tile_load: debug_view == Some(&FieldDebugView::TileLoad),
         });
+    }
+}
+
+/// A light as the passes know it.
+fn relative_light(light: &ShadowedLight, camera: Vec3) -> Light {
+    match light.shape {
+        LightShape::Directional { to_light } => Light::directional(to_light, light.settings.angular_radius),
+        LightShape::Point { position, radius, range, cone: None } => Light::sphere(position - camera, radius, range),
+        LightShape::Point { position, radius, range, cone: Some(cone) } => {
+            Light::spot(position - camera, radius, range, cone.direction, cone.outer_angle)
+        }
+        LightShape::Rect { position, half_width, half_height, range } => {
+            let direction = half_height.cross(half_width).normalize();
+            Light::rectangle(position - camera, half_width, half_height, direction, range)
+        }
     }
 }
 
@@ -109,7 +164,7 @@ fn place_occluders(
     camera_layers: &RenderLayers,
     camera_position: DVec3,
     settings: &TraceSettings,
-    lights: &[FrameLight],
+    lights: &[Light],
 ) -> Vec<InstanceData> {
     let caps = settings.caps.is_some();
     let ambient = caps || settings.ambient_rays > 0;
@@ -123,7 +178,7 @@ fn place_occluders(
             );
         }
         let hides_large_lights = slot.cap_grid().is_some_and(|grid| caps && grid.order == HarmonicOrder::Three);
-        let casts = |light: &FrameLight| slot.table().is_some() || hides_large_lights && light.is_large();
+        let casts = |light: &Light| slot.table().is_some() || hides_large_lights && light.is_large();
         let occludes = !ambient || caps;
         if residency.lacks_table(occluder.field) && !(occludes && lights.iter().all(casts)) {
             warn_once!(
@@ -132,31 +187,16 @@ fn place_occluders(
                  `--representation two-point,cap-grid`."
             );
         }
-        Some(InstanceData::new(slot, &placement?, caps))
+        Some(InstanceData::new(slot, &placement?, occluder.casting, caps))
     };
-    occluders.0.iter().filter(|occluder| occluder.layers.intersects(camera_layers)).filter_map(place).collect()
+    let place_some = |_, occluders: &[ExtractedOccluder]| -> Vec<InstanceData> {
+        occluders.iter().filter(|occluder| occluder.layers.intersects(camera_layers)).filter_map(place).collect()
+    };
+    match ComputeTaskPool::try_get().filter(|_| occluders.0.len() > WORTH_SHARING) {
+        Some(pool) => occluders.0.par_splat_map(pool, None, place_some).concat(),
+        None => place_some(0, &occluders.0),
+    }
 }
 
-/// The lights with field shadows. A light's channel is its index in Bevy's shader, which `prepare_lights` gives by (volumetric,
-/// shadow maps, entity) among the lights on the camera's layers.
-fn masked_lights(
-    lights: &Query<(Entity, &ExtractedDirectionalLight, Option<&RenderLayers>, Option<&FieldShadows>)>,
-    camera_layers: &RenderLayers,
-) -> Vec<FrameLight> {
-    let mut seen: Vec<_> =
-        lights.iter().filter(|(_, _, layers, _)| layers.unwrap_or_default().intersects(camera_layers)).collect();
-    seen.sort_by_key(|(entity, light, _, _)| (light.volumetric, light.shadow_maps_enabled, *entity));
-    let masked = seen.iter().enumerate().filter_map(|(index, (_, light, _, shadows))| {
-        let shadows = (*shadows)?;
-        if index >= MAX_LIGHTS {
-            warn_once!(
-                "only the first {MAX_LIGHTS} directional lights of a camera can have field shadows; lights without \
-                 FieldShadows count too, before those with shadow maps"
-            );
-            return None;
-        }
-        let to_light = light.transform.back().as_vec3();
-        to_light.is_normalized().then(|| FrameLight::new(index, to_light, shadows.angular_radius))
-    });
-    masked.collect()
-}
+/// More occluders than this are placed by all threads.
+const WORTH_SHARING: usize = 512;

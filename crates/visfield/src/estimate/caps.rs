@@ -12,7 +12,7 @@ use pulp::{Arch, NullaryFnOnce};
 
 use super::sampling::sphere_samples;
 use super::source::OcclusionSource;
-use super::{FacingOccluder, Receiver, blocked_share, cosine_direction};
+use super::{FacingOccluder, Falloff, Receiver, blocked_share, cosine_direction};
 use crate::field::VisibilityField;
 use crate::field::cap_grid::cap::{CUTOFF, Cap, above_cutoff, cap_occlusion};
 use crate::field::cap_grid::{CapGrid, stretch};
@@ -71,11 +71,13 @@ pub struct CapSettings {
     /// object as a whole: below the size of objects this is coarse, and a [falloff](crate::field::cap_grid::Falloff) that is
     /// baked in is better, which is good from about the bounding radius of the mesh up; below that, rays are.
     pub max_distance: f32,
+    /// How objects count by their distance up to there, in the mean over their depth.
+    pub falloff: Falloff,
 }
 
 impl Default for CapSettings {
     fn default() -> Self {
-        Self { combination: CapCombination::default(), max_distance: f32::INFINITY }
+        Self { combination: CapCombination::default(), max_distance: f32::INFINITY, falloff: Falloff::Binary }
     }
 }
 
@@ -261,8 +263,7 @@ impl CapScene<'_> {
         for occluder in self.occluders.iter().filter(|occluder| occluder.rays_inside) {
             let share = occluder.inside_share(position);
             if share > 0.0 {
-                let placed = (occluder.placement, occluder.field);
-                let facing = FacingOccluder::new(&placed, position, normal);
+                let facing = FacingOccluder::new(&occluder.placement, occluder.field, position, normal);
                 let samples = self.inside_samples.iter();
                 let directions = samples.map(|&sample| cosine_direction(normal, sample)).collect();
                 visibility *=
@@ -351,8 +352,15 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
     }
     for occluder in occluders {
         let mut reach = [0.0; N];
-        for lane in 0..N {
-            reach[lane] = reach_of(&occluder.placement, positions.get(lane), settings.max_distance);
+        let reach_by = |reach: &mut [f32; N], falloff| {
+            for lane in 0..N {
+                reach[lane] = reach_of(&occluder.placement, positions.get(lane), falloff, settings.max_distance);
+            }
+        };
+        // The most common one by itself: exponentials keep a loop from becoming vector instructions.
+        match settings.falloff {
+            Falloff::Binary => reach_by(&mut reach, Falloff::Binary),
+            other => reach_by(&mut reach, other),
         }
         if reach.iter().all(|reach| *reach <= 0.0) {
             continue;
@@ -530,16 +538,15 @@ fn unit(v: Vec3) -> Vec3 {
     v * (1.0 / v.dot(v).sqrt().max(f32::MIN_POSITIVE))
 }
 
-/// How far an object counts at a receiver: fading out as it leaves `max_distance`, and not at all where it is so far that even
-/// its bounding sphere would hide less than the cutoff.
+/// How far an object counts at a receiver: fading out as it leaves the maximum distance, and not at all where it is so far that
+/// even its bounding sphere would hide less than the cutoff.
 #[inline(always)]
-fn reach_of(placement: &Placement, position: Vec3, max_distance: f32) -> f32 {
+fn reach_of(placement: &Placement, position: Vec3, falloff: Falloff, max_distance: f32) -> f32 {
     let to_center = placement.center - position;
     let (squared, radius) = (to_center.dot(to_center), placement.radius);
-    let near = radius * radius > CUTOFF * squared;
     let nearest = (squared.sqrt() - radius).max(0.0);
-    let share = ((max_distance - nearest) * (0.5 / radius)).clamp(0.0, 1.0);
-    if near { share } else { 0.0 }
+    let weight = falloff.mean_weight(nearest, 2.0 * radius, max_distance);
+    if radius * radius > CUTOFF * squared { weight } else { 0.0 }
 }
 
 /// Scales the occlusion of each direction so that their mean is the object's, without exceeding 1.

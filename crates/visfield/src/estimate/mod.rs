@@ -2,8 +2,10 @@
 //! pass, and the estimator for anything that is not a pixel (light probes, gameplay).
 
 pub mod caps;
+mod falloff;
 pub mod frame;
 pub mod harmonic_visibility;
+pub mod light;
 pub mod sampling;
 pub mod source;
 
@@ -13,6 +15,8 @@ use crate::field::VisibilityField;
 use crate::field::query::{Bias, QueryOptions, Ray};
 use crate::scene::{Placement, Scene};
 use sampling::{DiscBasis, disc_samples, sphere_samples};
+
+pub use falloff::Falloff;
 
 /// A surface point that gets occlusion and shadows.
 ///
@@ -109,7 +113,7 @@ pub fn directional_visibility(scene: &Scene, receiver: &Receiver, light: &Direct
 
 /// Placements that were made relative to a receiver, as it sees them.
 fn facing<'a>(placements: &'a [(Placement, &'a VisibilityField)], normal: Vec3) -> Vec<FacingOccluder<'a>> {
-    placements.iter().map(|placed| FacingOccluder::new(placed, Vec3::ZERO, normal)).collect()
+    placements.iter().map(|(placement, field)| FacingOccluder::new(placement, field, Vec3::ZERO, normal)).collect()
 }
 
 /// The share of rays that any of the occluders blocks.
@@ -142,7 +146,7 @@ struct FacingOccluder<'a> {
 
 impl<'a> FacingOccluder<'a> {
     /// `position` is relative to the placement's chosen origin.
-    fn new((placement, field): &'a (Placement, &'a VisibilityField), position: Vec3, normal: Vec3) -> Self {
+    fn new(placement: &'a Placement, field: &'a VisibilityField, position: Vec3, normal: Vec3) -> Self {
         let origin = placement.field_from_world.transform_point3(position);
         Self { placement, field, origin, normal: placement.field_normal(normal) }
     }

@@ -38,7 +38,7 @@ pub fn sphere_samples(count: u32) -> Vec<Vec3> {
     (0..count)
         .map(|i| {
             let z = 1.0 - (2.0 * i as f32 + 1.0) / count as f32;
-            let (sin, cos) = (golden_turn(i) * TAU).sin_cos();
+            let (sin, cos) = (turned(i, GOLDEN) * TAU).sin_cos();
             let radius = (1.0 - z * z).sqrt();
             vec3(radius * cos, radius * sin, z)
         })
@@ -54,11 +54,43 @@ pub fn disc_samples(count: u32) -> Vec<Vec2> {
     (0..count)
         .map(|i| {
             let radius = ((i as f32 + 0.5) / count as f32).sqrt();
-            let (sin, cos) = (golden_turn(i) * TAU).sin_cos();
+            let (sin, cos) = (turned(i, GOLDEN) * TAU).sin_cos();
             vec2(radius * cos, radius * sin)
         })
         .collect()
 }
+
+/// `count` points spread evenly over the square from −1 to 1: the R₂ sequence (Roberts, *The Unreasonable Effectiveness of
+/// Quasirandom Sequences*, 2018).
+///
+/// ```
+/// let right = visfield::estimate::sampling::square_samples(64).iter().filter(|p| p.x > 0.0).count();
+/// assert!((30..=34).contains(&right));
+/// ```
+pub fn square_samples(count: u32) -> Vec<Vec2> {
+    (0..count).map(|i| vec2(turned(i, PLASTIC), turned(i, PLASTIC * PLASTIC)) * 2.0 - 1.0).collect()
+}
+
+/// `count` levels spread evenly from 0 to 1, in an order that has nothing to do with that of the points above; other ones for
+/// each `turn`.
+pub(crate) fn uneven_levels(count: u32, turn: u32) -> Vec<f32> {
+    (0..count).map(|i| (turned(i, PLASTIC) + turned(turn, GOLDEN)).fract()).collect()
+}
+
+/// Points turned about the z axis, by another angle for each `turn`; not at all for 0.
+pub(crate) fn rotated(points: Vec<Vec3>, turn: u32) -> Vec<Vec3> {
+    let turn = Vec2::from_angle(turned(turn, PLASTIC) * TAU);
+    points.into_iter().map(|point| turn.rotate(point.truncate()).extend(point.z)).collect()
+}
+
+/// Points of the square moved around its edges, by another way for each `turn`; not at all for 0.
+pub(crate) fn shifted(points: Vec<Vec2>, turn: u32) -> Vec<Vec2> {
+    let shift = vec2(turned(turn, GOLDEN), turned(turn, PLASTIC)) * 2.0;
+    points.into_iter().map(|point| (point + shift + 1.0).rem_euclid(Vec2::splat(2.0)) - 1.0).collect()
+}
+
+/// 1 over the plastic number, which spreads well along two axes at once.
+const PLASTIC: f64 = 0.754_877_666_246_692_8;
 
 /// Which residue of the shared pattern a pixel takes, below [`residues`]`(bits)`: the Bayer matrix, so that neighbours take
 /// samples that are far apart.
@@ -115,9 +147,10 @@ impl DiscBasis {
     }
 }
 
-fn golden_turn(i: u32) -> f32 {
+/// A share of a turn, as many times as `i` says, less the whole turns.
+fn turned(i: u32, share: f64) -> f32 {
     // In f64: the product loses its fraction in f32 from a few thousand samples on.
-    (f64::from(i) * GOLDEN).fract() as f32
+    (f64::from(i) * share).fract() as f32
 }
 
 #[cfg(test)]

@@ -1,11 +1,13 @@
 //! What the shaders read, byte for byte. A test compares every offset with the layout that naga reflects from the WGSL.
 
 use bytemuck::{Pod, Zeroable};
-use glam::{Affine3A, UVec2, Vec3};
+use glam::{Affine3A, Vec2};
 
 use super::FieldSlot;
+use crate::estimate::Falloff;
 use crate::estimate::caps::{CapCombination, CapPlacement};
-use crate::estimate::frame::{FrameLight, MAX_LIGHTS, TraceSettings};
+use crate::estimate::frame::{Casting, MAX_LIGHTS, TraceSettings};
+use crate::estimate::light::Light;
 use crate::estimate::sampling::sphere_samples;
 use crate::estimate::source::OcclusionSource;
 use crate::field::cap_grid::warp::AxisWarp;
@@ -16,7 +18,7 @@ use crate::scene::Placement;
 /// One occluder, `Instance` in `shaders/instance.wgsl`.
 ///
 /// ```
-/// assert_eq!(size_of::<visfield::gpu::layout::InstanceData>(), 144);
+/// assert_eq!(size_of::<visfield::gpu::layout::InstanceData>(), 160);
 /// ```
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -47,21 +49,27 @@ pub struct InstanceData {
     pub stretched: f32,
     /// The same as `ambient_source`, for lights of [`LARGE_LIGHT`](crate::estimate::source::LARGE_LIGHT) and more.
     pub light_source: u32,
+    /// 1 if it casts no shadows, plus 2 if it does not occlude its own surface.
+    pub flags: u32,
+    /// Fills 16 bytes.
+    pub padding: [u32; 3],
 }
 
 impl InstanceData {
     /// An instance of the field in `slot`, placed relative to the camera. With `caps`, its cap grid answers ambient occlusion,
     /// if it has one.
-    pub fn new(slot: &FieldSlot, placement: &Placement, caps: bool) -> Self {
+    pub fn new(slot: &FieldSlot, placement: &Placement, casting: Casting, caps: bool) -> Self {
         let answers_rays = slot.table().is_some();
         let ambient = slot.cap_grid().map(|grid| grid.serves_inside);
         let lights = slot.cap_grid().filter(|grid| grid.order == HarmonicOrder::Three).map(|grid| grid.serves_inside);
+        let ambient_source = OcclusionSource::choose(answers_rays, ambient, caps);
         let mut data = Self {
             field_from_world: rows(&placement.field_from_world),
             center: placement.center.to_array(),
             radius: placement.radius,
-            ambient_source: source_number(OcclusionSource::choose(answers_rays, ambient, caps)),
+            ambient_source: source_number(if casting.ambient { ambient_source } else { OcclusionSource::None }),
             light_source: source_number(OcclusionSource::choose(answers_rays, lights, caps)),
+            flags: u32::from(!casting.shadows) | u32::from(!casting.own_surface) << 1,
             ..Self::zeroed()
         };
         if let Some(table) = slot.table() {
@@ -193,38 +201,43 @@ pub fn encoding_number(encoding: Encoding) -> u32 {
     }
 }
 
-/// A directional light, `Light` in `shaders/frame.wgsl`.
+/// A light, `Light` in `shaders/frame.wgsl`; see [`Light`].
 ///
 /// ```
-/// assert_eq!(size_of::<visfield::gpu::layout::LightData>(), 48);
+/// assert_eq!(size_of::<visfield::gpu::layout::LightData>(), 64);
 /// ```
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct LightData {
-    /// Unit vector towards the light.
-    pub axis: [f32; 3],
-    /// Cosine of the disc's angular radius.
-    pub cosine: f32,
-    /// Tangent of the disc, as long as its radius at distance 1.
+    /// [`Light::origin`]
+    pub origin: [f32; 3],
+    /// [`Light::kind`]
+    pub kind: u32,
+    /// [`Light::tangent`]
     pub tangent: [f32; 3],
-    /// Sine of the disc's angular radius.
-    pub sine: f32,
-    /// The other tangent.
+    /// [`Light::range`]
+    pub range: f32,
+    /// [`Light::bitangent`]
     pub bitangent: [f32; 3],
-    /// The mask that the light fills.
-    pub channel: u32,
+    /// [`Light::radius`]
+    pub radius: f32,
+    /// [`Light::emission`]
+    pub emission: [f32; 3],
+    /// [`Light::cosine`]
+    pub cosine: f32,
 }
 
-impl From<&FrameLight> for LightData {
-    fn from(light: &FrameLight) -> Self {
-        let (sine, cosine) = light.angular_radius.sin_cos();
+impl From<&Light> for LightData {
+    fn from(light: &Light) -> Self {
         Self {
-            axis: light.disc.axis.to_array(),
-            cosine,
-            tangent: light.disc.tangent.to_array(),
-            sine,
-            bitangent: light.disc.bitangent.to_array(),
-            channel: light.channel as u32,
+            origin: light.origin.to_array(),
+            kind: light.kind as u32,
+            tangent: light.tangent.to_array(),
+            range: light.range,
+            bitangent: light.bitangent.to_array(),
+            radius: light.radius,
+            emission: light.emission.to_array(),
+            cosine: light.cosine,
         }
     }
 }
@@ -232,7 +245,7 @@ impl From<&FrameLight> for LightData {
 /// A frame's parameters, `Frame` in `shaders/frame.wgsl`.
 ///
 /// ```
-/// assert_eq!(size_of::<visfield::gpu::layout::FrameUniform>(), 272);
+/// assert_eq!(size_of::<visfield::gpu::layout::FrameUniform>(), 880);
 /// ```
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -243,6 +256,10 @@ pub struct FrameUniform {
     pub viewport_origin: [u32; 2],
     /// Width and height of the viewport in pixels.
     pub viewport_size: [u32; 2],
+    /// Width and height of what is traced.
+    pub trace_size: [u32; 2],
+    /// Pixels of the viewport from one that is traced to the next.
+    pub trace_scale: u32,
     /// Number of instances.
     pub instance_count: u32,
     /// Ambient occlusion rays per pixel.
@@ -251,68 +268,82 @@ pub struct FrameUniform {
     pub shadow_rays: u32,
     /// Number of `lights` in use.
     pub light_count: u32,
+    /// A bit for each of `lights` that cap grids hide.
+    pub large_lights: u32,
     /// Ambient occlusion ignores hits beyond this distance, in world units; finite.
     pub max_distance: f32,
     /// [`Bias::height`](crate::field::query::Bias::height)
     pub bias_height: f32,
     /// [`Bias::along`](crate::field::query::Bias::along)
     pub bias_along: f32,
-    /// Whether the caps pass comes before, and its result is part of the frame's.
-    pub caps: u32,
-    /// First pixel of what the caps pass writes.
-    pub caps_origin: [u32; 2],
-    /// A bit for each of `lights` that cap grids hide.
-    pub large_lights: u32,
+    /// 0 for [`Falloff::Binary`], 1 for [`Falloff::Linear`], 2 for [`Falloff::Obscurance`].
+    pub falloff: u32,
+    /// Of [`Falloff::Obscurance`], per world unit.
+    pub falloff_tau: f32,
+    /// [`TraceSettings::intensity`]
+    pub intensity: f32,
+    /// Whether rays are traced, and what they find is part of the frame's.
+    pub traced: u32,
+    /// How screen-space ambient occlusion is part of the frame: 0 not at all, 1 the darker of both, 2 their product.
+    pub screen_space: u32,
+    /// Tiles of the viewport along both axes.
+    pub tiles: [u32; 2],
+    /// Entries that there is room for in all lists of tiles.
+    pub list_capacity: u32,
+    /// Rows from a page of the output to the next.
+    pub page_rows: u32,
+    /// How much the frame counts against those that were accumulated before it.
+    pub blend: f32,
+    /// Entries of a tile's list that are shown as a full one; 0 shows ambient visibility.
+    pub show_tile_load: u32,
     /// Aligns the lights.
-    pub padding: u32,
+    pub padding: [u32; 2],
     /// The lights, the first `light_count` of them in use.
     pub lights: [LightData; MAX_LIGHTS],
 }
 
 impl FrameUniform {
-    pub(super) fn new(
-        world_from_clip: glam::Mat4,
-        viewport: (UVec2, UVec2),
-        instance_count: u32,
-        lights: &[FrameLight],
-        settings: &TraceSettings,
-        caps: Option<UVec2>,
-    ) -> Self {
+    /// What is said by settings and lights alone; the rest is 0.
+    pub(super) fn new(lights: &[Light], settings: &TraceSettings) -> Self {
         let mut data = [LightData::default(); MAX_LIGHTS];
-        let usable = lights.iter().filter(|light| light.channel < MAX_LIGHTS);
         let (mut light_count, mut large_lights) = (0, 0);
-        for (slot, light) in data.iter_mut().zip(usable) {
+        for (slot, light) in data.iter_mut().zip(lights) {
             *slot = light.into();
             large_lights |= u32::from(settings.caps.is_some() && light.is_large()) << light_count;
             light_count += 1;
         }
+        let (falloff, falloff_tau) = match settings.falloff {
+            Falloff::Binary => (0, 0.0),
+            Falloff::Linear => (1, 0.0),
+            Falloff::Obscurance { tau } => (2, tau),
+        };
         Self {
-            world_from_clip: world_from_clip.to_cols_array_2d(),
-            viewport_origin: viewport.0.to_array(),
-            viewport_size: viewport.1.to_array(),
-            instance_count,
             ambient_rays: settings.ambient_rays,
             shadow_rays: settings.shadow_rays,
             light_count,
-            // WGSL has no portable infinity; this is its NO_HIT.
-            max_distance: settings.max_distance.min(3.0e38),
+            large_lights,
+            max_distance: settings.max_distance.min(LARGEST),
             bias_height: settings.bias.height,
             bias_along: settings.bias.along,
-            caps: u32::from(caps.is_some()),
-            caps_origin: caps.unwrap_or_default().to_array(),
-            large_lights,
-            padding: 0,
+            falloff,
+            falloff_tau,
+            intensity: settings.intensity,
             lights: data,
+            ..Self::zeroed()
         }
     }
 }
 
-/// The sample patterns as the shaders read them: points of the sphere, points of the disc, and the points of the sphere that
-/// caps are combined at.
+/// WGSL has no portable infinity; this is its `NO_HIT`.
+const LARGEST: f32 = 3.0e38;
+
+/// The sample patterns as the shaders read them: points of the sphere and how far their rays reach, points of the disc and of the
+/// square, and the points of the sphere that caps are combined at.
 pub(super) fn sample_data(settings: &TraceSettings) -> Vec<[f32; 4]> {
-    let sphere = settings.sphere_samples().into_iter().map(|p| p.extend(0.0).to_array());
-    let disc = settings.disc_samples().into_iter().map(|p| Vec3::new(p.x, p.y, 0.0).extend(0.0).to_array());
+    let sphere = settings.sphere_samples().into_iter().zip(settings.reaches());
+    let sphere = sphere.map(|(point, reach)| point.extend(reach.min(LARGEST)).to_array());
+    let flat = |points: Vec<Vec2>| points.into_iter().map(|point| [point.x, point.y, 0.0, 0.0]);
     let directions = settings.caps.map_or(0, CapCombination::directions);
-    let caps = sphere_samples(directions as u32).into_iter().map(|p| p.extend(0.0).to_array());
-    sphere.chain(disc).chain(caps).collect()
+    let caps = sphere_samples(directions as u32).into_iter().map(|point| point.extend(0.0).to_array());
+    sphere.chain(flat(settings.disc_samples())).chain(flat(settings.square_samples())).chain(caps).collect()
 }

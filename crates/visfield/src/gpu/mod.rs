@@ -4,33 +4,60 @@
 //! [`OcclusionPasses::encode`] makes one camera's frame of cap grids, of rays and their filter, or of both. The application brings device, queue and encoder;
 //! everything runs within [`wgpu::Limits::default`].
 //!
-//! The WGSL sources are plain, without preprocessor directives, and joined by concatenation: [`caps_source`], [`trace_source`]
-//! and [`denoise_source`]. Each of their functions has a CPU twin of the same name in [`field`](crate::field),
-//! [`estimate::frame`](crate::estimate::frame) or [`estimate::caps`](crate::estimate::caps).
+//! The WGSL sources are plain, without preprocessor directives, and joined by concatenation, a source for each stage:
+//! [`tiles_source`], [`trace_source`], [`denoise_source`], [`accumulate_source`], [`resolve_source`]. Each of their functions has
+//! a CPU twin of the same name in [`field`](crate::field), [`estimate::frame`](crate::estimate::frame),
+//! [`estimate::light`](crate::estimate::light) or [`estimate::caps`](crate::estimate::caps).
 
 pub mod layout;
+mod lists;
 mod passes;
 mod pool;
+mod view;
 
-pub use passes::{FrameInputs, MissingCapability, OUTPUT_FORMAT, OcclusionPasses, OcclusionView};
+pub use passes::{
+    FrameInputs, MissingCapability, OUTPUT_FORMAT, OcclusionPasses, PassTimer, ScreenSpace, ScreenSpaceCombination, TILE_LOAD_SHOWN,
+};
 pub use pool::{CapGridSlot, FieldPool, FieldSlot, PoolError, PoolStatistics, TableSlot};
+pub use view::OcclusionView;
 
 /// Functions over `pool`, the buffer of all fields, which the including shader declares.
 pub const FIELD_SOURCE: &str = include_str!("../shaders/field.wgsl");
 const FRAME_SOURCE: &str = include_str!("../shaders/frame.wgsl");
+const LIGHT_SOURCE: &str = include_str!("../shaders/light.wgsl");
 const INSTANCE_SOURCE: &str = include_str!("../shaders/instance.wgsl");
+const LISTS_SOURCE: &str = include_str!("../shaders/lists.wgsl");
+const LISTED_SOURCE: &str = include_str!("../shaders/listed.wgsl");
+const SURFACE_SOURCE: &str = include_str!("../shaders/surface.wgsl");
+const CAPS_SOURCE: &str = include_str!("../shaders/caps.wgsl");
+
+/// The passes that list what matters to each tile, entry points `tile_bounds`, `list_blocks` and `list_tiles`.
+pub fn tiles_source() -> String {
+    [FRAME_SOURCE, LIGHT_SOURCE, INSTANCE_SOURCE, LISTS_SOURCE, include_str!("../shaders/tiles.wgsl")].concat()
+}
 
 /// The trace pass, entry point `trace`.
 pub fn trace_source() -> String {
-    [FIELD_SOURCE, FRAME_SOURCE, INSTANCE_SOURCE, include_str!("../shaders/trace.wgsl")].concat()
-}
-
-/// The pass over cap grids, entry point `caps`.
-pub fn caps_source() -> String {
-    [FRAME_SOURCE, INSTANCE_SOURCE, include_str!("../shaders/caps.wgsl")].concat()
+    let occluders = [FIELD_SOURCE, FRAME_SOURCE, LIGHT_SOURCE, INSTANCE_SOURCE, LISTS_SOURCE, LISTED_SOURCE];
+    occluders.concat() + include_str!("../shaders/trace.wgsl")
 }
 
 /// The denoise passes, entry points `denoise_rows` and `denoise_columns`.
 pub fn denoise_source() -> String {
-    [FRAME_SOURCE, include_str!("../shaders/denoise.wgsl")].concat()
+    [FRAME_SOURCE, SURFACE_SOURCE, include_str!("../shaders/denoise.wgsl")].concat()
+}
+
+/// The accumulate pass, entry point `accumulate`.
+pub fn accumulate_source() -> String {
+    [FRAME_SOURCE, include_str!("../shaders/accumulate.wgsl")].concat()
+}
+
+/// The functions of cap grids, for the resolve pass.
+pub fn caps_source() -> String {
+    [FRAME_SOURCE, LIGHT_SOURCE, INSTANCE_SOURCE, LISTS_SOURCE, LISTED_SOURCE, CAPS_SOURCE].concat()
+}
+
+/// The resolve pass, entry point `resolve`.
+pub fn resolve_source() -> String {
+    caps_source() + SURFACE_SOURCE + include_str!("../shaders/resolve.wgsl")
 }

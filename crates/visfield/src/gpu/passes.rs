@@ -1,17 +1,24 @@
-//! The passes of one camera's frame: cap grids, which have no noise; trace, then denoise. Only those run that a frame needs.
+//! The passes of one camera's frame: lists of what matters where; trace, denoise and accumulate, if anything needs rays; and
+//! resolve, which asks cap grids and writes the frame. Only those run that a frame needs.
 
 use glam::{Mat4, UVec2};
 use thiserror::Error;
 
-use super::layout::{FrameUniform, InstanceData, is_source, sample_data};
-use super::{FieldPool, caps_source, denoise_source, trace_source};
+use super::layout::{FrameUniform, InstanceData, is_source};
+use super::view::{Needed, OcclusionView, Prepared};
+use super::{FieldPool, accumulate_source, denoise_source, lists, resolve_source, tiles_source, trace_source};
 use crate::estimate::caps::CapCombination;
-use crate::estimate::frame::{FrameLight, TraceSettings};
+use crate::estimate::frame::accumulate::BLEND;
+use crate::estimate::frame::{MAX_LIGHTS, TraceSettings};
+use crate::estimate::light::Light;
 use crate::estimate::source::OcclusionSource;
 
-/// Format of the occlusion texture. Its red channel is ambient visibility; green and blue are the *occlusion* of lights 0
-/// and 1, alpha the *visibility* of light 2, so that a texture with only a red channel reads as "no shadows".
+/// Format of the occlusion texture: visibility, by pages of four channels one below the other. The first channel is that of
+/// ambient light, then comes one for each light.
 pub const OUTPUT_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
+
+/// Entries of a tile's list that are shown as a full one.
+pub const TILE_LOAD_SHOWN: u32 = 64;
 
 const WORKGROUP_SIDE: u32 = 8;
 
@@ -38,73 +45,126 @@ pub enum MissingCapability {
 /// let passes = OcclusionPasses::new(device);
 /// let mut view = OcclusionView::new(); // one per camera
 /// let mut encoder = device.create_command_encoder(&Default::default());
-/// passes.encode(device, queue, &mut encoder, pool, &mut view, inputs);
+/// passes.encode((device, queue, &mut encoder), pool, &mut view, inputs, &mut ());
 /// queue.submit([encoder.finish()]);
 /// # }
 /// ```
 #[derive(Debug)]
 pub struct OcclusionPasses {
-    /// Without and with large lights; each by [`CapCombination`]: product, soft caps over 8 and over 16 directions.
-    caps: [[wgpu::ComputePipeline; 3]; 2],
+    tile_bounds: wgpu::ComputePipeline,
+    list_blocks: wgpu::ComputePipeline,
+    list_tiles: wgpu::ComputePipeline,
     trace: wgpu::ComputePipeline,
     denoise_rows: wgpu::ComputePipeline,
     denoise_columns: wgpu::ComputePipeline,
+    accumulate: wgpu::ComputePipeline,
+    /// Without cap grids.
+    resolve: wgpu::ComputePipeline,
+    /// Without and with large lights; each by [`CapCombination`]: product, soft caps over 8 and over 16 directions.
+    resolve_caps: [[wgpu::ComputePipeline; 3]; 2],
 }
 
 /// What one camera's frame is made of.
 pub struct FrameInputs<'a> {
     /// Depth, reversed z with 0 at infinity; a depth format that can be bound as a texture.
     pub depth: &'a wgpu::TextureView,
-    /// World normals as `rgb · 2 − 1`.
+    /// World normals as `rgb · 2 − 1`, and [receiver flags](crate::estimate::frame::ReceiverFlags::from_normal_alpha) as alpha.
     pub normals: &'a wgpu::TextureView,
-    /// Where the result goes: [`OUTPUT_FORMAT`], with storage usage, as large as depth and normals.
+    /// How far each pixel moved since the last frame, as a share of the viewport. With it, frames are accumulated: rays differ
+    /// from frame to frame.
+    pub motion: Option<&'a wgpu::TextureView>,
+    /// Ambient occlusion of another kind to be joined.
+    pub screen_space: Option<ScreenSpace<'a>>,
+    /// Where the result goes: [`OUTPUT_FORMAT`], with storage usage, as wide as depth and normals, and with room for
+    /// [`pages`](Self::pages).
     pub output: &'a wgpu::TextureView,
+    /// Rows from a page of the output to the next; at least the viewport's end.
+    pub page_rows: u32,
     /// First pixel and size of the camera's viewport in these textures.
     pub viewport: (UVec2, UVec2),
     /// From clip space to the world relative to the camera: the camera's rotation times its inverse projection.
     pub world_from_clip: Mat4,
-    /// The occluders, relative to the camera.
+    /// The occluders, relative to the camera; more than 1,048,576 are not seen.
     pub instances: &'a [InstanceData],
-    /// The directional lights, at most [`MAX_LIGHTS`](crate::estimate::frame::MAX_LIGHTS), each with a channel of its own.
-    pub lights: &'a [FrameLight],
-    /// Numbers of rays, reach and bias.
+    /// The lights, relative to the camera, by their masks: at most [`MAX_LIGHTS`], all [finite](Light::is_finite).
+    pub lights: &'a [Light],
+    /// Writes how full the list of each pixel's tile is, 1 for empty and 0 for [`TILE_LOAD_SHOWN`] entries, in the place of
+    /// ambient visibility.
+    pub show_tile_load: bool,
+    /// Numbers of rays, reach and bias. Where frames are accumulated, `turn` is counted by the view.
     pub settings: TraceSettings,
 }
 
-/// One camera's own resources, kept from frame to frame.
-///
-/// ```
-/// let view = visfield::gpu::OcclusionView::new(); // holds nothing until the first frame is encoded
-/// ```
-#[derive(Debug, Default)]
-pub struct OcclusionView {
-    frame: Option<wgpu::Buffer>,
-    instances: Option<wgpu::Buffer>,
-    /// The sample patterns, and the numbers of rays and directions that they were made for.
-    samples: Option<(wgpu::Buffer, [u32; 3])>,
-    /// What the trace makes, and what the pass over rows makes of it.
-    filter: Option<[wgpu::Texture; 2]>,
-    /// What the caps pass makes, where it is not all.
-    caps_texture: Option<wgpu::Texture>,
-}
-
-impl OcclusionView {
-    /// Holds nothing until the first frame is encoded.
-    pub fn new() -> Self {
-        Self::default()
+impl FrameInputs<'_> {
+    /// Pages of four channels that this many lights need, beside ambient light.
+    pub fn pages(lights: usize) -> u32 {
+        (lights.min(MAX_LIGHTS) as u32 + 4) / 4
     }
 }
 
+/// Screen-space ambient occlusion to be joined with that of fields.
+///
+/// ```
+/// use visfield::gpu::{ScreenSpace, ScreenSpaceCombination};
+/// fn darker(visibility: &wgpu::TextureView) -> ScreenSpace<'_> {
+///     ScreenSpace { visibility, combination: ScreenSpaceCombination::Darker }
+/// }
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct ScreenSpace<'a> {
+    /// A texture whose first channel is ambient visibility, as large as depth and normals.
+    pub visibility: &'a wgpu::TextureView,
+    /// How it is joined.
+    pub combination: ScreenSpaceCombination,
+}
+
+/// How screen-space ambient occlusion joins that of fields.
+///
+/// ```
+/// assert_eq!(visfield::gpu::ScreenSpaceCombination::default(), visfield::gpu::ScreenSpaceCombination::Darker);
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ScreenSpaceCombination {
+    /// The darker of both: what both see counts once.
+    #[default]
+    Darker,
+    /// Their product: what both see counts twice.
+    Product,
+}
+
+/// Hears of every group of passes, to time them. `()` does not listen.
+///
+/// ```
+/// struct Names(Vec<&'static str>);
+/// impl visfield::gpu::PassTimer for Names {
+///     fn begin(&mut self, _: &mut wgpu::CommandEncoder, pass: &'static str) {
+///         self.0.push(pass);
+///     }
+/// }
+/// ```
+pub trait PassTimer {
+    /// What is encoded from here on belongs to a group of passes.
+    fn begin(&mut self, _encoder: &mut wgpu::CommandEncoder, _pass: &'static str) {}
+    /// The group ends.
+    fn end(&mut self, _encoder: &mut wgpu::CommandEncoder) {}
+}
+
+impl PassTimer for () {}
+
 impl OcclusionPasses {
+    /// The names of the groups of passes, as [`PassTimer`] hears them.
+    pub const GROUPS: [&'static str; 5] = ["tiles", "trace", "denoise", "accumulate", "resolve"];
+
     /// Whether a device can run the passes.
     ///
     /// # Errors
     /// [`MissingCapability`] names the first limit that is too low.
     pub fn check(limits: &wgpu::Limits) -> Result<(), MissingCapability> {
         let needs = [
-            ("max_storage_buffers_per_shader_stage", 4, limits.max_storage_buffers_per_shader_stage),
+            ("max_storage_buffers_per_shader_stage", 5, limits.max_storage_buffers_per_shader_stage),
             ("max_storage_textures_per_shader_stage", 1, limits.max_storage_textures_per_shader_stage),
             ("max_compute_invocations_per_workgroup", 64, limits.max_compute_invocations_per_workgroup),
+            ("max_compute_workgroup_storage_size", 4352, limits.max_compute_workgroup_storage_size),
         ];
         match needs.into_iter().find(|(_, needed, found)| found < needed) {
             Some((name, needed, found)) => Err(MissingCapability::Limit { name, needed, found }),
@@ -118,9 +178,6 @@ impl OcclusionPasses {
             let source = wgpu::ShaderSource::Wgsl(source.into());
             device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
         };
-        let caps = module("field occlusion caps", caps_source());
-        let trace = module("field occlusion trace", trace_source());
-        let denoise = module("field occlusion denoise", denoise_source());
         let pipeline = |module: &wgpu::ShaderModule, entry_point, constants: &[(&str, f64)]| {
             device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(entry_point),
@@ -131,200 +188,210 @@ impl OcclusionPasses {
                 cache: None,
             })
         };
-        let caps_pipelines = |lights| {
+        let tiles = module("field occlusion tiles", tiles_source());
+        let denoise = module("field occlusion denoise", denoise_source());
+        let resolve = module("field occlusion resolve", resolve_source());
+        let resolve_caps = |lights| {
             [(0.0, 8.0), (1.0, 8.0), (1.0, 16.0)].map(|(soft, directions)| {
                 let constants = [("SOFT_CAPS", soft), ("DIRECTIONS", directions), ("LARGE_LIGHTS", lights)];
-                pipeline(&caps, "caps", &constants)
+                pipeline(&resolve, "resolve", &constants)
             })
         };
         Self {
-            caps: [0.0, 1.0].map(caps_pipelines),
-            trace: pipeline(&trace, "trace", &[]),
+            tile_bounds: pipeline(&tiles, "tile_bounds", &[]),
+            list_blocks: pipeline(&tiles, "list_blocks", &[]),
+            list_tiles: pipeline(&tiles, "list_tiles", &[]),
+            trace: pipeline(&module("field occlusion trace", trace_source()), "trace", &[]),
             denoise_rows: pipeline(&denoise, "denoise_rows", &[]),
             denoise_columns: pipeline(&denoise, "denoise_columns", &[]),
+            accumulate: pipeline(&module("field occlusion accumulate", accumulate_source()), "accumulate", &[]),
+            resolve: pipeline(&resolve, "resolve", &[("CAPS", 0.0)]),
+            resolve_caps: [0.0, 1.0].map(resolve_caps),
         }
     }
 
-    /// Encodes one camera's frame. Writes every pixel of the viewport of `inputs.output`; without instances they all
-    /// become unoccluded.
+    /// Encodes one camera's frame. Writes every pixel of the viewport in all pages of `inputs.output`; without instances they
+    /// all become visible.
     ///
     /// Uploads go through `queue` and take effect at the next submission, so a `view` serves one frame per submission.
     pub fn encode(
         &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        encoder: &mut wgpu::CommandEncoder,
+        (device, queue, encoder): (&wgpu::Device, &wgpu::Queue, &mut wgpu::CommandEncoder),
         pool: &FieldPool,
         view: &mut OcclusionView,
         inputs: &FrameInputs,
+        timer: &mut dyn PassTimer,
     ) {
         let size = inputs.viewport.1;
         if size.min_element() == 0 {
             return;
         }
         let settings = inputs.settings.clamped();
-        let any = |of: fn(&InstanceData) -> bool| inputs.instances.iter().any(of);
-        let large = settings.caps.is_some() && inputs.lights.iter().any(FrameLight::is_large);
-        let ambient_caps =
-            settings.caps.is_some() && any(|instance| is_source(instance.ambient_source, OcclusionSource::has_caps));
-        let light_caps = large && any(|instance| is_source(instance.light_source, OcclusionSource::has_caps));
-        let caps = ambient_caps || light_caps;
-        let rays = settings.ambient_rays > 0
-            && any(|instance| is_source(instance.ambient_source, OcclusionSource::has_rays))
-            || inputs.lights.iter().any(|light| !(large && light.is_large())) && any(|instance| instance.entries > 0)
-            || large && any(|instance| is_source(instance.light_source, OcclusionSource::has_rays));
-        // What has no noise needs no filter: alone, it goes where the result does.
-        let needed = Needed { caps_texture: caps && rays, filter: rays || !caps };
-        let count = inputs.instances.len() as u32;
-        let caps_origin = caps.then_some(if needed.filter { UVec2::ZERO } else { inputs.viewport.0 });
-        let uniform =
-            FrameUniform::new(inputs.world_from_clip, inputs.viewport, count, inputs.lights, &settings, caps_origin);
-        let Prepared { frame, instances, samples, filter, caps_texture } =
-            view.prepare(device, queue, &settings, inputs.instances.len(), size, needed);
-        queue.write_buffer(frame, 0, bytemuck::bytes_of(&uniform));
-        queue.write_buffer(instances, 0, bytemuck::cast_slice(inputs.instances));
-        let texture = wgpu::BindingResource::TextureView;
-        let surfaces = [frame.as_entire_binding(), texture(inputs.depth), texture(inputs.normals)];
-        let pool = pool.buffer().as_entire_binding();
-        let occluders = [pool.clone(), instances.as_entire_binding(), pool, samples.as_entire_binding()];
-        let mut run = |label, pipeline, bindings: &[&[wgpu::BindingResource]]| {
-            let bind_group = bind_in_order(device, label, pipeline, &bindings.concat());
-            let mut pass =
-                encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes: None });
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, &bind_group, &[]);
-            pass.dispatch_workgroups(size.x.div_ceil(WORKGROUP_SIDE), size.y.div_ceil(WORKGROUP_SIDE), 1);
+        let lights = &inputs.lights[..inputs.lights.len().min(MAX_LIGHTS)];
+        let instances = &inputs.instances[..inputs.instances.len().min(lists::MAX_INSTANCES)];
+        let Parts { caps, light_caps, rays } = parts(instances, lights, &settings);
+
+        let pages = FrameInputs::pages(lights.len());
+        let trace_size = settings.resolution.traced_size(size);
+        let paged = UVec2::new(trace_size.x, trace_size.y * pages);
+        let needed = Needed { traced: rays.then_some(paged), accumulated: rays && inputs.motion.is_some() };
+        let Prepared { frame, instances: instance_buffer, samples, lists, traced, history, is_history } =
+            view.prepare((device, queue), &settings, instances.len(), size, needed);
+        let uniform = FrameUniform {
+            world_from_clip: inputs.world_from_clip.to_cols_array_2d(),
+            viewport_origin: inputs.viewport.0.to_array(),
+            viewport_size: size.to_array(),
+            trace_size: trace_size.to_array(),
+            trace_scale: settings.resolution.scale(),
+            instance_count: instances.len() as u32,
+            traced: u32::from(rays),
+            show_tile_load: if inputs.show_tile_load { TILE_LOAD_SHOWN } else { 0 },
+            screen_space: match inputs.screen_space.map(|other| other.combination) {
+                None => 0,
+                Some(ScreenSpaceCombination::Darker) => 1,
+                Some(ScreenSpaceCombination::Product) => 2,
+            },
+            tiles: lists.tiles().to_array(),
+            list_capacity: lists.capacity(),
+            page_rows: inputs.page_rows,
+            blend: if is_history { BLEND } else { 1.0 },
+            ..FrameUniform::new(lights, &settings)
         };
-        if let Some(combination) = settings.caps.filter(|_| caps) {
-            let [product, over_8, over_16] = &self.caps[usize::from(light_caps)];
-            let pipeline = match (combination, combination.directions()) {
-                (CapCombination::Product, _) => product,
-                (CapCombination::SoftCaps { .. }, 8) => over_8,
-                (CapCombination::SoftCaps { .. }, _) => over_16,
-            };
-            let output = texture(caps_texture.as_ref().unwrap_or(inputs.output));
-            run("field occlusion caps", pipeline, &[&surfaces, &occluders, &[output]]);
-        }
-        if let Some([noisy, rows]) = &filter {
-            run("field occlusion trace", &self.trace, &[&surfaces, &occluders, &[texture(noisy)]]);
-            let (label, pipeline) = ("field occlusion denoise rows", &self.denoise_rows);
-            run(label, pipeline, &[&surfaces, &[texture(noisy), texture(rows)]]);
-            let (label, pipeline) = ("field occlusion denoise columns", &self.denoise_columns);
-            // Where the caps pass did not run, its texture is not read either.
-            let caps_texture = texture(caps_texture.as_ref().unwrap_or(noisy));
-            run(label, pipeline, &[&surfaces, &[texture(rows), texture(inputs.output), caps_texture]]);
-        }
-    }
-}
+        queue.write_buffer(frame, 0, bytemuck::bytes_of(&uniform));
+        queue.write_buffer(instance_buffer, 0, bytemuck::cast_slice(instances));
 
-/// What a frame needs beside its buffers.
-#[derive(Clone, Copy)]
-struct Needed {
-    /// A texture for what cap grids give, to be joined with what is traced.
-    caps_texture: bool,
-    /// Textures for what is traced and filtered.
-    filter: bool,
-}
+        let texture = wgpu::BindingResource::TextureView;
+        let frame = (0, frame.as_entire_binding());
+        let surfaces = [frame.clone(), (1, texture(inputs.depth)), (2, texture(inputs.normals))];
+        let instance_binding = (4, instance_buffer.as_entire_binding());
+        let list_binding = (7, lists.buffer().as_entire_binding());
+        let pool = pool.buffer().as_entire_binding();
+        let occluders = [
+            (3, pool.clone()),
+            instance_binding.clone(),
+            (5, pool),
+            (6, samples.as_entire_binding()),
+            list_binding.clone(),
+        ];
+        let tile_groups = [lists.tiles().x, lists.tiles().y, 1];
+        let blocks = lists::blocks(lists.tiles());
+        let groups = |size: UVec2, pages| [size.x.div_ceil(WORKGROUP_SIDE), size.y.div_ceil(WORKGROUP_SIDE), pages];
+        let mut encoded = Encoded { device, encoder, timer };
 
-/// A view's resources, fit for a frame.
-struct Prepared<'a> {
-    frame: &'a wgpu::Buffer,
-    instances: &'a wgpu::Buffer,
-    samples: &'a wgpu::Buffer,
-    filter: Option<[wgpu::TextureView; 2]>,
-    caps_texture: Option<wgpu::TextureView>,
-}
-
-impl OcclusionView {
-    /// Makes what is missing or no longer fits.
-    fn prepare(
-        &mut self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        settings: &TraceSettings,
-        instance_count: usize,
-        size: UVec2,
-        needed_textures: Needed,
-    ) -> Prepared<'_> {
-        let instance_bytes = |count: usize| (size_of::<InstanceData>() * count) as u64;
-        // Never empty: a binding needs at least one element.
-        let needed = instance_count.max(1);
-        self.instances.take_if(|buffer| buffer.size() < instance_bytes(needed));
-        let directions = settings.caps.map_or(0, CapCombination::directions) as u32;
-        let rays = [settings.ambient_rays, settings.shadow_rays, directions];
-        self.samples.take_if(|(_, made_for)| *made_for != rays);
-        let fits = |texture: &wgpu::Texture| (texture.width(), texture.height()) == (size.x, size.y);
-        self.filter.take_if(|[noisy, _]| !needed_textures.filter || !fits(noisy));
-        self.caps_texture.take_if(|texture| !needed_textures.caps_texture || !fits(texture));
-        if needed_textures.filter {
-            self.filter.get_or_insert_with(|| {
-                ["field occlusion, noisy", "field occlusion, rows"].map(|label| create_texture(device, label, size))
+        encoded.group("tiles", |encoded| {
+            lists.clear(encoded.encoder);
+            let of_surfaces = [&surfaces[..], &[list_binding.clone()]].concat();
+            encoded.pass("field occlusion tile bounds", &self.tile_bounds, &of_surfaces, tile_groups);
+            let of_instances = [frame.clone(), instance_binding, list_binding];
+            encoded.pass("field occlusion blocks", &self.list_blocks, &of_instances, [blocks.x, blocks.y, 1]);
+            encoded.pass("field occlusion tiles", &self.list_tiles, &of_instances, tile_groups);
+            lists.ask(encoded.encoder);
+        });
+        if let Some([first, second]) = &traced {
+            encoded.group("trace", |encoded| {
+                let bindings = [&surfaces[..], &occluders, &[(8, texture(first))]].concat();
+                encoded.pass("field occlusion trace", &self.trace, &bindings, groups(trace_size, 1));
+            });
+            encoded.group("denoise", |encoded| {
+                let filters = [(&self.denoise_rows, first, second), (&self.denoise_columns, second, first)];
+                for (pipeline, from, to) in (0..settings.denoise_passes).flat_map(|_| filters) {
+                    let bindings = [&surfaces[..], &[(3, texture(from)), (4, texture(to))]].concat();
+                    encoded.pass("field occlusion denoise", pipeline, &bindings, groups(trace_size, pages));
+                }
             });
         }
-        if needed_textures.caps_texture {
-            self.caps_texture.get_or_insert_with(|| create_texture(device, "field occlusion, caps", size));
+        if let (Some([filtered, _]), Some([before, after]), Some(motion)) = (&traced, &history, inputs.motion) {
+            encoded.group("accumulate", |encoded| {
+                let textures = [(3, filtered), (4, before), (5, motion), (6, after)];
+                let bindings: Vec<_> =
+                    [frame.clone()].into_iter().chain(textures.map(|(i, view)| (i, texture(view)))).collect();
+                encoded.pass("field occlusion accumulate", &self.accumulate, &bindings, groups(trace_size, pages));
+            });
         }
-        let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
-
-        let storage = wgpu::BufferUsages::STORAGE;
-        Prepared {
-            frame: self.frame.get_or_insert_with(|| {
-                let bytes = size_of::<FrameUniform>() as u64;
-                create_buffer(device, "field occlusion frame", bytes, wgpu::BufferUsages::UNIFORM)
-            }),
-            instances: self.instances.get_or_insert_with(|| {
-                let bytes = instance_bytes(needed.next_power_of_two());
-                create_buffer(device, "field occlusion instances", bytes, storage)
-            }),
-            samples: &self
-                .samples
-                .get_or_insert_with(|| {
-                    let data = sample_data(settings);
-                    let bytes = size_of::<[f32; 4]>() * data.len().max(1);
-                    let buffer = create_buffer(device, "field occlusion samples", bytes as u64, storage);
-                    queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&data));
-                    (buffer, rays)
-                })
-                .0,
-            filter: self.filter.as_ref().map(|textures| textures.each_ref().map(view)),
-            caps_texture: self.caps_texture.as_ref().map(view),
-        }
+        encoded.group("resolve", |encoded| {
+            let pipeline = match settings.caps.filter(|_| caps) {
+                Some(combination) => {
+                    let [product, over_8, over_16] = &self.resolve_caps[usize::from(light_caps)];
+                    match (combination, combination.directions()) {
+                        (CapCombination::Product, _) => product,
+                        (CapCombination::SoftCaps { .. }, 8) => over_8,
+                        (CapCombination::SoftCaps { .. }, _) => over_16,
+                    }
+                }
+                None => &self.resolve,
+            };
+            let of_rays = history.as_ref().map(|[_, after]| after).or(traced.as_ref().map(|[filtered, _]| filtered));
+            let joined = [
+                (8, texture(inputs.output)),
+                // What is missing is not read.
+                (9, texture(of_rays.unwrap_or(inputs.normals))),
+                (10, texture(inputs.screen_space.map_or(inputs.normals, |other| other.visibility))),
+            ];
+            let bindings = [&surfaces[..], &occluders, &joined].concat();
+            encoded.pass("field occlusion resolve", pipeline, &bindings, groups(size, 1));
+        });
     }
 }
 
-fn create_texture(device: &wgpu::Device, label: &str, size: UVec2) -> wgpu::Texture {
-    device.create_texture(&wgpu::TextureDescriptor {
-        label: Some(label),
-        size: wgpu::Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: OUTPUT_FORMAT,
-        usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING,
-        view_formats: &[],
-    })
+/// What a frame asks.
+struct Parts {
+    /// Cap grids, for ambient light or for large lights.
+    caps: bool,
+    /// Cap grids for large lights.
+    light_caps: bool,
+    /// Tables.
+    rays: bool,
 }
 
-fn bind_in_order(
-    device: &wgpu::Device,
-    label: &str,
-    pipeline: &wgpu::ComputePipeline,
-    bindings: &[wgpu::BindingResource],
-) -> wgpu::BindGroup {
-    let entries: Vec<_> = bindings
-        .iter()
-        .enumerate()
-        .map(|(i, resource)| wgpu::BindGroupEntry { binding: i as u32, resource: resource.clone() })
-        .collect();
-    let layout = pipeline.get_bind_group_layout(0);
-    device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout: &layout, entries: &entries })
+fn parts(instances: &[InstanceData], lights: &[Light], settings: &TraceSettings) -> Parts {
+    let any = |of: fn(&InstanceData) -> bool| instances.iter().any(of);
+    let large = settings.caps.is_some() && lights.iter().any(Light::is_large);
+    let ambient_caps =
+        settings.caps.is_some() && any(|instance| is_source(instance.ambient_source, OcclusionSource::has_caps));
+    let light_caps = large && any(|instance| is_source(instance.light_source, OcclusionSource::has_caps));
+    let ambient_rays =
+        settings.ambient_rays > 0 && any(|instance| is_source(instance.ambient_source, OcclusionSource::has_rays));
+    let shadow_rays = settings.shadow_rays > 0
+        && (lights.iter().any(|light| !(large && light.is_large())) && any(|instance| instance.entries > 0)
+            || large && any(|instance| is_source(instance.light_source, OcclusionSource::has_rays)));
+    Parts { caps: ambient_caps || light_caps, light_caps, rays: ambient_rays || shadow_rays }
 }
 
-fn create_buffer(device: &wgpu::Device, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
-    device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some(label),
-        size: bytes,
-        usage: usage | wgpu::BufferUsages::COPY_DST,
-        mapped_at_creation: false,
-    })
+/// Where passes are encoded.
+struct Encoded<'a> {
+    device: &'a wgpu::Device,
+    encoder: &'a mut wgpu::CommandEncoder,
+    timer: &'a mut dyn PassTimer,
+}
+
+impl Encoded<'_> {
+    fn group(&mut self, name: &'static str, encode: impl FnOnce(&mut Self)) {
+        self.timer.begin(self.encoder, name);
+        encode(self);
+        self.timer.end(self.encoder);
+    }
+
+    fn pass(
+        &mut self,
+        label: &str,
+        pipeline: &wgpu::ComputePipeline,
+        bindings: &[(u32, wgpu::BindingResource)],
+        [x, y, z]: [u32; 3],
+    ) {
+        let entries: Vec<_> = bindings
+            .iter()
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding: *binding, resource: resource.clone() })
+            .collect();
+        let layout = pipeline.get_bind_group_layout(0);
+        let bind_group = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(label),
+            layout: &layout,
+            entries: &entries,
+        });
+        let descriptor = wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes: None };
+        let mut pass = self.encoder.begin_compute_pass(&descriptor);
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &bind_group, &[]);
+        pass.dispatch_workgroups(x, y, z);
+    }
 }

@@ -1,25 +1,21 @@
-// The caps pass: ambient occlusion, and that of large lights, by cap grids, without rays and without noise. Twins: field/cap_grid/{warp,cap,mod,batch}.rs
-// and estimate/caps.rs, same names, same order of operations. Joined after frame.wgsl and instance.wgsl.
+// Ambient occlusion, and that of large lights, by cap grids, without rays and without noise. Twins: field/cap_grid/{warp,cap,mod,batch}.rs
+// and estimate/caps.rs, same names, same order of operations. Joined after frame.wgsl, light.wgsl, instance.wgsl, lists.wgsl and
+// listed.wgsl.
 
-// Points of the sphere (64 × ambient_rays), points of the disc (16 × shadow_rays), then one point of the sphere for each
-// direction along which caps are combined.
+// Points of the sphere (64 × ambient_rays), points of the disc and of the square (16 × shadow_rays each), then one point of the
+// sphere for each direction along which caps are combined.
 @group(0) @binding(6) var<storage, read> samples: array<vec4<f32>>;
-// Visibility, encoded.
-@group(0) @binding(7) var caps_texture: texture_storage_2d<rgba16float, write>;
 
 // How grids combine: as soft caps, or as a product; and over how many directions they are looked at. Constants, so that loops
 // over directions unroll, and what is kept for each of them stays in registers.
 override SOFT_CAPS: bool = true;
 override DIRECTIONS: u32 = 8u;
-// Whether there are lights to hide.
-override LARGE_LIGHTS: bool = false;
 
 const MAX_DIRECTIONS: u32 = 16u;
 const Y0: f32 = 0.2820948;
 const Y1: f32 = 0.4886025;
 const TAU: f32 = 6.2831855;
 const SMALLEST_SOLID_ANGLE: f32 = 1.0e-6;
-const CUTOFF: f32 = 1.0 / 2040.0;
 const CONTACT_REACH: f32 = 0.06;
 const KNEE: f32 = 0.65;
 const CAP_SHARE: f32 = 0.75;
@@ -187,13 +183,29 @@ fn bent_normal(open: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     return unit(normal);
 }
 
+// Falloff::mean_weight
+fn mean_weight(nearest: f32, depth: f32) -> f32 {
+    let within = clamp(frame.max_distance - nearest, 0.0, depth);
+    switch frame.falloff {
+        case 1u: {
+            let middle = nearest + 0.5 * within;
+            return within / depth * max(1.0 - middle / frame.max_distance, 0.0);
+        }
+        case 2u: {
+            let tau = frame.falloff_tau;
+            return exp(-tau * nearest) * (1.0 - exp(-tau * within)) / (tau * depth);
+        }
+        default: {
+            return within / depth;
+        }
+    }
+}
+
 fn reach_of(instance: u32, position: vec3<f32>) -> f32 {
     let to_center = instances[instance].center - position;
     let radius = instances[instance].radius;
-    let squared = dot(to_center, to_center);
-    let nearest = max(sqrt(squared) - radius, 0.0);
-    let share = clamp((frame.max_distance - nearest) / (2.0 * radius), 0.0, 1.0);
-    return select(0.0, share, radius * radius > CUTOFF * squared);
+    let nearest = max(sqrt(dot(to_center, to_center)) - radius, 0.0);
+    return select(0.0, mean_weight(nearest, 2.0 * radius), within_reach(to_center, radius));
 }
 
 fn mean(values: ptr<function, array<f32, MAX_DIRECTIONS>>) -> f32 {
@@ -232,8 +244,8 @@ fn soften(
     }
 }
 
-fn ambient(receiver: Receiver) -> Ambient {
-    let first_sample = frame.ambient_rays * 64u + frame.shadow_rays * 16u;
+fn ambient(receiver: Receiver, list: List) -> Ambient {
+    let first_sample = frame.ambient_rays * 64u + frame.shadow_rays * 32u;
     var directions = array<vec3<f32>, MAX_DIRECTIONS>();
     var visible = array<f32, MAX_DIRECTIONS>();
     for (var k = 0u; k < DIRECTIONS; k++) {
@@ -241,13 +253,15 @@ fn ambient(receiver: Receiver) -> Ambient {
         visible[k] = 1.0;
     }
     var open = receiver.normal * MEAN_COSINE;
-    for (var i = 0u; i < frame.instance_count; i++) {
+    for (var k = 0u; k < list.count; k++) {
+        let entry = entry(list, k);
+        let i = entry_index(entry);
         let source = instances[i].ambient_source;
-        if !has_caps(source) {
+        if (entry & AMBIENT_BIT) == 0u || !has_caps(source) {
             continue;
         }
         let reach = reach_of(i, receiver.position);
-        if reach <= 0.0 {
+        if reach <= 0.0 || is_spared(i, receiver) {
             continue;
         }
         let grid = instances[i].cap_grid;
@@ -345,19 +359,26 @@ fn light_occlusion(planes: array<vec4<f32>, 4>, axis: vec3<f32>, half_angle: f32
     return select(0.0, min(occlusion, 1.0), occlusion > 0.0);
 }
 
-// What is seen of a large light.
-fn light_visibility(receiver: Receiver, light: Light) -> f32 {
-    if dot(receiver.normal, light.axis) <= 0.0 {
+// What cap grids leave of a large light.
+fn light_visibility(receiver: Receiver, list: List, l: u32) -> f32 {
+    let light = frame.lights[l];
+    let view = seen_from(light, receiver.position);
+    if !shines_on(light, view, receiver.normal) {
         return 1.0;
     }
-    let half_angle = atan2(light.sine, light.cosine);
+    let half_angle = atan2(view.sine, view.cosine);
     var visibility = 1.0;
-    for (var i = 0u; i < frame.instance_count; i++) {
+    for (var k = 0u; k < list.count; k++) {
+        let entry = entry(list, k);
+        let i = entry_index(entry);
         let to_center = instances[i].center - receiver.position;
         let radius = instances[i].radius;
-        if !above_surface(to_center, radius, receiver.normal)
-            || !meets_cone(to_center, radius, light)
-            || !has_caps(instances[i].light_source) {
+        if (entry & light_bit(l)) == 0u
+            || !has_caps(instances[i].light_source)
+            || !casts(i, l)
+            || !above_surface(to_center, radius, receiver.normal)
+            || !meets_light(view, to_center, radius)
+            || is_spared(i, receiver) {
             continue;
         }
         let grid = instances[i].cap_grid;
@@ -367,28 +388,9 @@ fn light_visibility(receiver: Receiver, light: Light) -> f32 {
         for (var plane = 0u; plane < 4u; plane++) {
             planes[plane] = plane_at(grid, plane, at);
         }
-        let axis = unit(transform(instances[i].cap_from_world, vec4<f32>(light.axis, 0.0)));
+        let axis = unit(transform(instances[i].cap_from_world, vec4<f32>(view.axis, 0.0)));
         let left = 1.0 - share_of_rays(instances[i].light_source, i, receiver.position);
         visibility *= 1.0 - above_cutoff(light_occlusion(planes, axis, half_angle) * left);
     }
     return visibility;
-}
-
-@compute @workgroup_size(8, 8)
-fn caps(@builtin(global_invocation_id) id: vec3<u32>) {
-    let pixel = id.xy;
-    if any(pixel >= frame.viewport_size) {
-        return;
-    }
-    let receiver = receiver_at(pixel);
-    var visibility = vec4<f32>(1.0);
-    if receiver.depth > 0.0 {
-        visibility.x = 1.0 - ambient(receiver).occlusion;
-        for (var l = 0u; LARGE_LIGHTS && l < frame.light_count; l++) {
-            if is_large(l) {
-                visibility[frame.lights[l].channel + 1u] = light_visibility(receiver, frame.lights[l]);
-            }
-        }
-    }
-    textureStore(caps_texture, pixel + frame.caps_origin, encode(visibility));
 }

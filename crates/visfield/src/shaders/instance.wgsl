@@ -1,7 +1,8 @@
-// Occluders, and what more than one pass asks of them. Twins: estimate/{mod,frame}.rs, OcclusionSource in estimate/caps.rs, and
-// field/cap_grid/mod.rs. Joined after frame.wgsl.
+// Occluders, and what more than one pass asks of them. Twins: estimate/{mod,source}.rs, estimate/frame/trace.rs and
+// field/cap_grid/mod.rs. Joined after frame.wgsl and light.wgsl.
 
 // Which part of a field is asked (layout::source_number).
+const SOURCE_NONE: u32 = 0u;
 const SOURCE_RAYS: u32 = 1u;
 const SOURCE_CAP_GRID: u32 = 2u;
 const SOURCE_CAP_GRID_WITH_RAYS_INSIDE: u32 = 3u;
@@ -26,7 +27,14 @@ struct Instance {
     stretched: f32,
     // Of lights as large as cap grids can hide.
     light_source: u32,
+    // NO_SHADOWS, NO_OWN_SURFACE
+    flags: u32,
 }
+
+// It casts no shadows.
+const NO_SHADOWS: u32 = 1u;
+// It does not occlude its own surface.
+const NO_OWN_SURFACE: u32 = 2u;
 
 @group(0) @binding(3) var<storage, read> pool: array<u32>;
 @group(0) @binding(4) var<storage, read> instances: array<Instance>;
@@ -132,14 +140,30 @@ fn is_large(light: u32) -> bool {
     return ((frame.large_lights >> light) & 1u) != 0u;
 }
 
+// Whether an instance can hide any of a light.
+fn casts(instance: u32, light: u32) -> bool {
+    let has_part = select(instances[instance].entries > 0u, instances[instance].light_source != SOURCE_NONE, is_large(light));
+    return has_part && (instances[instance].flags & NO_SHADOWS) == 0u;
+}
+
+// Whether an instance is the receiver's own, as far as is known, and does not occlude it.
+fn is_spared(instance: u32, receiver: Receiver) -> bool {
+    if (receiver.flags & OWN_SURFACE_OFF) == 0u || (instances[instance].flags & NO_OWN_SURFACE) == 0u {
+        return false;
+    }
+    let origin = transform(instances[instance].field_from_world, vec4<f32>(receiver.position, 1.0));
+    return dot(origin, origin) < 1.0;
+}
+
 // Whether a sphere can block any ray of the receiver's hemisphere.
 fn above_surface(to_center: vec3<f32>, radius: f32, normal: vec3<f32>) -> bool {
     return dot(to_center, normal) > -radius;
 }
 
-// Whether a sphere can block any ray towards the light's disc: whether it meets the cone of those rays.
-fn meets_cone(to_center: vec3<f32>, radius: f32, light: Light) -> bool {
-    let along = dot(to_center, light.axis);
-    let across = length(to_center - light.axis * along);
-    return along > -radius && across * light.cosine - along * light.sine < radius;
+const CUTOFF: f32 = 1.0 / 2040.0;
+
+// Whether a sphere is near enough, and large enough for its distance, to occlude ambient light.
+fn within_reach(to_center: vec3<f32>, radius: f32) -> bool {
+    let squared = dot(to_center, to_center);
+    return sqrt(squared) - radius < frame.max_distance && radius * radius > CUTOFF * squared;
 }

@@ -1,10 +1,11 @@
-// The trace pass: a few rays per pixel and estimator, against every instance that can matter. Twin: estimate/frame.rs.
-// Joined after field.wgsl, frame.wgsl and instance.wgsl.
+// The trace pass: a few rays per pixel, for ambient occlusion and for each light, against the instances that can matter there.
+// Twin: estimate/frame/trace.rs. Joined after field.wgsl, frame.wgsl, light.wgsl, instance.wgsl, lists.wgsl and listed.wgsl.
 
-// Points of the sphere (64 × ambient_rays), then points of the disc (16 × shadow_rays); what follows is of the caps pass.
+// Points of the sphere and how far their rays reach (64 × ambient_rays), then points of the disc and of the square (16 ×
+// shadow_rays of each).
 @group(0) @binding(6) var<storage, read> samples: array<vec4<f32>>;
-// Occlusion: ambient, and lights 0, 1, 2.
-@group(0) @binding(7) var noisy_texture: texture_storage_2d<rgba16float, write>;
+// Occlusion, by pages.
+@group(0) @binding(8) var noisy_texture: texture_storage_2d<rgba16float, write>;
 
 const AMBIENT_INTERLEAVE_BITS: u32 = 3u;
 const LIGHT_INTERLEAVE_BITS: u32 = 2u;
@@ -22,106 +23,138 @@ fn interleave_index(x: u32, y: u32, bits: u32) -> u32 {
     return index;
 }
 
-fn disc_direction(light: Light, point: vec2<f32>) -> vec3<f32> {
-    return normalize(light.axis + light.tangent * point.x + light.bitangent * point.y);
+// All rays of a number, as bits.
+fn all_rays(count: u32) -> u32 {
+    return select((1u << count) - 1u, 0xffffffffu, count >= 32u);
+}
+
+// The share of the receiver's rays that is blocked.
+fn ambient_occlusion(receiver: Receiver, list: List, residue: u32) -> f32 {
+    let stride = residues(AMBIENT_INTERLEAVE_BITS);
+    let bias = Bias(frame.bias_height, frame.bias_along);
+    let all = all_rays(frame.ambient_rays);
+    // One bit per ray, until something blocks it.
+    var open = all;
+    for (var k = 0u; k < list.count && open != 0u; k++) {
+        let entry = entry(list, k);
+        let i = entry_index(entry);
+        let to_center = instances[i].center - receiver.position;
+        let radius = instances[i].radius;
+        // What lies wholly below the horizon blocks no ray that counts.
+        if (entry & AMBIENT_BIT) == 0u
+            || instances[i].entries == 0u
+            || !above_surface(to_center, radius, receiver.normal)
+            || !within_reach(to_center, radius) {
+            continue;
+        }
+        let share = share_of_rays(instances[i].ambient_source, i, receiver.position);
+        if share <= 0.0 || is_spared(i, receiver) {
+            continue;
+        }
+        let origin = transform(instances[i].field_from_world, vec4<f32>(receiver.position, 1.0));
+        let shape = table_shape(i);
+        let normal = field_normal(instances[i], receiver.normal);
+        var rays = open;
+        while rays != 0u {
+            let ray = firstTrailingBit(rays);
+            rays &= rays - 1u;
+            if !is_sent(ray, residue, share) {
+                continue;
+            }
+            let point = samples[ray * stride + residue];
+            let direction = cosine_direction(receiver.normal, point.xyz);
+            let along = transform(instances[i].field_from_world, vec4<f32>(direction, 0.0));
+            if occluded(shape, origin, along, point.w, normal, bias) {
+                open &= ~(1u << ray);
+            }
+        }
+    }
+    return f32(countOneBits(all & ~open)) / f32(max(frame.ambient_rays, 1u));
+}
+
+// The hidden share of a light, of what is above the receiver's horizon.
+fn light_occlusion(receiver: Receiver, list: List, residue: u32, l: u32) -> f32 {
+    let light = frame.lights[l];
+    let view = seen_from(light, receiver.position);
+    if !shines_on(light, view, receiver.normal) {
+        return 0.0;
+    }
+    let stride = residues(LIGHT_INTERLEAVE_BITS);
+    var first_sample = frame.ambient_rays * residues(AMBIENT_INTERLEAVE_BITS) + residue;
+    if light.kind == RECTANGLE {
+        first_sample += frame.shadow_rays * stride;
+    }
+    var above = 0u;
+    for (var ray = 0u; ray < frame.shadow_rays; ray++) {
+        let direction = light_direction(view, samples[first_sample + ray * stride].xy);
+        above |= select(0u, 1u << ray, dot(receiver.normal, direction) > 0.0);
+    }
+    let bias = Bias(frame.bias_height, frame.bias_along);
+    var open = above;
+    for (var k = 0u; k < list.count && open != 0u; k++) {
+        let entry = entry(list, k);
+        let i = entry_index(entry);
+        let to_center = instances[i].center - receiver.position;
+        let radius = instances[i].radius;
+        if (entry & light_bit(l)) == 0u
+            || instances[i].entries == 0u
+            || !casts(i, l)
+            || !above_surface(to_center, radius, receiver.normal)
+            || !meets_light(view, to_center, radius) {
+            continue;
+        }
+        var share = 1.0;
+        if is_large(l) {
+            share = share_of_rays(instances[i].light_source, i, receiver.position);
+        }
+        if share <= 0.0 || is_spared(i, receiver) {
+            continue;
+        }
+        let origin = transform(instances[i].field_from_world, vec4<f32>(receiver.position, 1.0));
+        let shape = table_shape(i);
+        let normal = field_normal(instances[i], receiver.normal);
+        var rays = open;
+        while rays != 0u {
+            let ray = firstTrailingBit(rays);
+            rays &= rays - 1u;
+            if !is_sent(ray, residue, share) {
+                continue;
+            }
+            let direction = light_direction(view, samples[first_sample + ray * stride].xy);
+            let along = transform(instances[i].field_from_world, vec4<f32>(direction, 0.0));
+            if occluded(shape, origin, along, view.t_max, normal, bias) {
+                open &= ~(1u << ray);
+            }
+        }
+    }
+    return f32(countOneBits(above & ~open)) / f32(max(countOneBits(above), 1u));
+}
+
+fn table_shape(i: u32) -> TableShape {
+    return TableShape(instances[i].first_byte, instances[i].entries, instances[i].exits, instances[i].encoding);
 }
 
 @compute @workgroup_size(8, 8)
 fn trace(@builtin(global_invocation_id) id: vec3<u32>) {
     let pixel = id.xy;
-    if any(pixel >= frame.viewport_size) {
+    if any(pixel >= frame.trace_size) {
         return;
     }
-    let receiver = receiver_at(pixel);
-    if receiver.depth == 0.0 {
-        textureStore(noisy_texture, pixel, vec4<f32>(0.0));
-        return;
-    }
-    let ambient_residue = interleave_index(pixel.x, pixel.y, AMBIENT_INTERLEAVE_BITS);
-    let light_residue = interleave_index(pixel.x, pixel.y, LIGHT_INTERLEAVE_BITS);
-    let ambient_stride = residues(AMBIENT_INTERLEAVE_BITS);
-    let light_stride = residues(LIGHT_INTERLEAVE_BITS);
-    let first_disc_sample = frame.ambient_rays * ambient_stride;
-    let bias = Bias(frame.bias_height, frame.bias_along);
-    // One bit per ray, set once something blocks it.
-    var ambient_blocked = 0u;
-    var light_blocked = array<u32, MAX_LIGHTS>(0u, 0u, 0u);
-
-    for (var i = 0u; i < frame.instance_count; i++) {
-        let to_center = instances[i].center - receiver.position;
-        let radius = instances[i].radius;
-        // What lies wholly below the horizon blocks no ray that counts.
-        if instances[i].entries == 0u || !above_surface(to_center, radius, receiver.normal) {
-            continue;
+    let receiver = receiver_at(traced_pixel(pixel));
+    var occlusion = array<vec4<f32>, 3>();
+    if receiver.depth > 0.0 {
+        let list = list_at(traced_pixel(pixel));
+        if frame.ambient_rays > 0u && (receiver.flags & NO_AMBIENT) == 0u {
+            let residue = interleave_index(pixel.x, pixel.y, AMBIENT_INTERLEAVE_BITS);
+            occlusion[0].x = ambient_occlusion(receiver, list, residue);
         }
-        let within_reach = length(to_center) - radius < frame.max_distance;
-        let asked = frame.ambient_rays > 0u && within_reach;
-        let ambient_share = select(0.0, share_of_rays(instances[i].ambient_source, i, receiver.position), asked);
-        if ambient_share <= 0.0 && frame.light_count == 0u {
-            continue;
-        }
-        let shape = TableShape(
-            instances[i].first_byte,
-            instances[i].entries,
-            instances[i].exits,
-            instances[i].encoding,
-        );
-        let origin = transform(instances[i].field_from_world, vec4<f32>(receiver.position, 1.0));
-        let normal = field_normal(instances[i], receiver.normal);
-        if ambient_share > 0.0 {
-            for (var ray = 0u; ray < frame.ambient_rays; ray++) {
-                if (ambient_blocked & (1u << ray)) != 0u || !is_sent(ray, ambient_residue, ambient_share) {
-                    continue;
-                }
-                let point = samples[ray * ambient_stride + ambient_residue].xyz;
-                let direction = cosine_direction(receiver.normal, point);
-                let along = transform(instances[i].field_from_world, vec4<f32>(direction, 0.0));
-                if occluded(shape, origin, along, frame.max_distance, normal, bias) {
-                    ambient_blocked |= 1u << ray;
-                }
-            }
-        }
-        for (var l = 0u; l < frame.light_count; l++) {
-            let light = frame.lights[l];
-            if dot(receiver.normal, light.axis) <= 0.0 || !meets_cone(to_center, radius, light) {
-                continue;
-            }
-            var light_share = 1.0;
-            if is_large(l) {
-                light_share = share_of_rays(instances[i].light_source, i, receiver.position);
-            }
-            for (var ray = 0u; ray < frame.shadow_rays; ray++) {
-                if (light_blocked[l] & (1u << ray)) != 0u || !is_sent(ray, light_residue, light_share) {
-                    continue;
-                }
-                let point = samples[first_disc_sample + ray * light_stride + light_residue].xy;
-                let direction = disc_direction(light, point);
-                if dot(receiver.normal, direction) <= 0.0 {
-                    continue;
-                }
-                let along = transform(instances[i].field_from_world, vec4<f32>(direction, 0.0));
-                if occluded(shape, origin, along, NO_HIT, normal, bias) {
-                    light_blocked[l] |= 1u << ray;
-                }
-            }
+        let residue = interleave_index(pixel.x, pixel.y, LIGHT_INTERLEAVE_BITS);
+        for (var l = 0u; l < frame.light_count && frame.shadow_rays > 0u; l++) {
+            let channel = l + 1u;
+            occlusion[channel / 4u][channel % 4u] = light_occlusion(receiver, list, residue, l);
         }
     }
-
-    var occlusion = vec4<f32>(0.0);
-    occlusion.x = f32(countOneBits(ambient_blocked)) / f32(max(frame.ambient_rays, 1u));
-    for (var l = 0u; l < frame.light_count; l++) {
-        // Most pixels are lit: nothing to count.
-        if light_blocked[l] == 0u {
-            continue;
-        }
-        let light = frame.lights[l];
-        // Of the disc, only what is above the receiver's horizon counts.
-        var counted = 0u;
-        for (var ray = 0u; ray < frame.shadow_rays; ray++) {
-            let point = samples[first_disc_sample + ray * light_stride + light_residue].xy;
-            counted += u32(dot(receiver.normal, disc_direction(light, point)) > 0.0);
-        }
-        occlusion[light.channel + 1u] = f32(countOneBits(light_blocked[l])) / f32(max(counted, 1u));
+    for (var page = 0u; page < pages(); page++) {
+        textureStore(noisy_texture, pixel + vec2<u32>(0u, page * frame.trace_size.y), occlusion[page]);
     }
-    textureStore(noisy_texture, pixel, occlusion);
 }

@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3};
 use visfield::estimate::caps::{CapCombination, CapOccluder, CapSettings, ambient};
+use visfield::estimate::frame::Casting;
 use visfield::estimate::sampling::sphere_samples;
 use visfield::field::cap_grid::cap::contact_occlusion;
 use visfield::field::example_caps;
@@ -67,12 +68,12 @@ fn receivers_get_what_they_get_from_the_twins() {
     let probes = probes();
     for combination in [CapCombination::Product, CapCombination::default(), CapCombination::SoftCaps { directions: 16 }]
     {
-        let settings = CapSettings { combination, max_distance: 6.0 };
+        let settings = CapSettings { combination, max_distance: 6.0, ..CapSettings::default() };
         let answers = on_gpu(
             &device,
             &queue,
             &pool,
-            &placements.map(|place| InstanceData::new(&slot, &place, true)),
+            &placements.map(|place| InstanceData::new(&slot, &place, Casting::default(), true)),
             &settings,
             &probes,
         );
@@ -116,6 +117,7 @@ fn on_gpu(
     let samples = buffer_with(device, queue, bytemuck::cast_slice(&samples), storage);
     let probes_buffer = buffer_with(device, queue, bytemuck::cast_slice(probes), storage);
     let pool = pool.buffer();
-    let buffers = [(0, &frame), (3, pool), (4, &instances), (5, pool), (6, &samples), (8, &probes_buffer)];
+    let lists = buffer_with(device, queue, &[0; 4], storage);
+    let buffers = [(0, &frame), (3, pool), (4, &instances), (5, pool), (6, &samples), (7, &lists), (8, &probes_buffer)];
     run_probe((device, queue), source, &constants, &buffers, (9, probes.len()))
 }

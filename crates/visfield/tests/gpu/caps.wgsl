@@ -22,7 +22,8 @@ fn probe(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let probe = probes[id.x];
-    let found = ambient(Receiver(probe.position, probe.normal, 1.0));
+    let all = List(ALL_INSTANCES, frame.instance_count);
+    let found = ambient(Receiver(probe.position, probe.normal, 1.0, 0u), all);
     let contact = contact_occlusion(probe.distance, 2.0, probe.facing);
     answers[id.x] = Answer(found.bent_normal, found.occlusion, contact);
 }

@@ -29,8 +29,10 @@ fn shaders_validate() {
     let entry_points = |source: String| -> Vec<String> {
         parse(&source).entry_points.into_iter().map(|entry_point| entry_point.name).collect()
     };
-    assert_eq!(entry_points(visfield::gpu::caps_source()), ["caps"]);
+    assert_eq!(entry_points(visfield::gpu::tiles_source()), ["tile_bounds", "list_blocks", "list_tiles"]);
     assert_eq!(entry_points(visfield::gpu::trace_source()), ["trace"]);
+    assert_eq!(entry_points(visfield::gpu::accumulate_source()), ["accumulate"]);
+    assert_eq!(entry_points(visfield::gpu::resolve_source()), ["resolve"]);
     assert_eq!(entry_points(visfield::gpu::denoise_source()), ["denoise_rows", "denoise_columns"]);
 }
 
@@ -54,6 +56,7 @@ fn rust_layouts_are_the_shaders_layouts() {
             ("ambient_source", offset_of!(InstanceData, ambient_source)),
             ("stretched", offset_of!(InstanceData, stretched)),
             ("light_source", offset_of!(InstanceData, light_source)),
+            ("flags", offset_of!(InstanceData, flags)),
         ],
     );
     assert_layout(
@@ -82,12 +85,14 @@ fn rust_layouts_are_the_shaders_layouts() {
         "Light",
         size_of::<LightData>(),
         &[
-            ("axis", offset_of!(LightData, axis)),
-            ("cosine", offset_of!(LightData, cosine)),
+            ("origin", offset_of!(LightData, origin)),
+            ("kind", offset_of!(LightData, kind)),
             ("tangent", offset_of!(LightData, tangent)),
-            ("sine", offset_of!(LightData, sine)),
+            ("range", offset_of!(LightData, range)),
             ("bitangent", offset_of!(LightData, bitangent)),
-            ("channel", offset_of!(LightData, channel)),
+            ("radius", offset_of!(LightData, radius)),
+            ("emission", offset_of!(LightData, emission)),
+            ("cosine", offset_of!(LightData, cosine)),
         ],
     );
     assert_layout(
@@ -98,17 +103,26 @@ fn rust_layouts_are_the_shaders_layouts() {
             ("world_from_clip", offset_of!(FrameUniform, world_from_clip)),
             ("viewport_origin", offset_of!(FrameUniform, viewport_origin)),
             ("viewport_size", offset_of!(FrameUniform, viewport_size)),
+            ("trace_size", offset_of!(FrameUniform, trace_size)),
+            ("trace_scale", offset_of!(FrameUniform, trace_scale)),
             ("instance_count", offset_of!(FrameUniform, instance_count)),
             ("ambient_rays", offset_of!(FrameUniform, ambient_rays)),
             ("shadow_rays", offset_of!(FrameUniform, shadow_rays)),
             ("light_count", offset_of!(FrameUniform, light_count)),
+            ("large_lights", offset_of!(FrameUniform, large_lights)),
             ("max_distance", offset_of!(FrameUniform, max_distance)),
             ("bias_height", offset_of!(FrameUniform, bias_height)),
             ("bias_along", offset_of!(FrameUniform, bias_along)),
-            ("caps", offset_of!(FrameUniform, caps)),
-            ("caps_origin", offset_of!(FrameUniform, caps_origin)),
-            ("large_lights", offset_of!(FrameUniform, large_lights)),
-            ("padding", offset_of!(FrameUniform, padding)),
+            ("falloff", offset_of!(FrameUniform, falloff)),
+            ("falloff_tau", offset_of!(FrameUniform, falloff_tau)),
+            ("intensity", offset_of!(FrameUniform, intensity)),
+            ("traced", offset_of!(FrameUniform, traced)),
+            ("screen_space", offset_of!(FrameUniform, screen_space)),
+            ("tiles", offset_of!(FrameUniform, tiles)),
+            ("list_capacity", offset_of!(FrameUniform, list_capacity)),
+            ("page_rows", offset_of!(FrameUniform, page_rows)),
+            ("blend", offset_of!(FrameUniform, blend)),
+            ("show_tile_load", offset_of!(FrameUniform, show_tile_load)),
             ("lights", offset_of!(FrameUniform, lights)),
         ],
     );

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use glam::{DAffine3, DQuat, DVec3, Mat4, UVec2, dvec3, uvec2};
 use visfield::estimate::caps::CapCombination;
-use visfield::estimate::frame::TraceSettings;
+use visfield::estimate::frame::{Casting, TraceSettings};
 use visfield::gpu::layout::InstanceData;
 use visfield::gpu::{FieldPool, FrameInputs, OUTPUT_FORMAT, OcclusionPasses, OcclusionView};
 use visfield::scene::Placement;
@@ -100,28 +100,33 @@ impl Stage {
             .placements
             .iter()
             .filter(|_| occluded)
-            .map(|(field, placement)| InstanceData::new(&self.slots[*field], placement, settings.caps.is_some()))
+            .map(|(field, placement)| {
+                InstanceData::new(&self.slots[*field], placement, Casting::default(), settings.caps.is_some())
+            })
             .collect();
         let view_of = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         let start = Instant::now();
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.passes.encode(
-            &self.device,
-            &self.queue,
-            &mut encoder,
+            (&self.device, &self.queue, &mut encoder),
             &self.pool,
             view,
             &FrameInputs {
                 depth: &view_of(&self.depth),
                 normals: &view_of(&self.normals),
+                motion: None,
+                screen_space: None,
                 output: &view_of(&self.output),
+                page_rows: SIZE.y,
                 viewport: (UVec2::ZERO, SIZE),
                 world_from_clip: Mat4::perspective_infinite_reverse_rh(1.0, SIZE.x as f32 / SIZE.y as f32, NEAR)
                     .inverse(),
                 instances: &instances,
                 lights: &[],
+                show_tile_load: false,
                 settings,
             },
+            &mut (),
         );
         self.queue.submit([encoder.finish()]);
         self.device.poll(wgpu::PollType::wait_indefinitely()).expect("the device finishes");
