@@ -27,6 +27,7 @@ pub struct CombinesScreenSpace;
 /// complete in `Core3dSystems::MainPass`, and not before: Bevy's system has no name to order others by, but is ordered
 /// before that set.
 #[derive(Component)]
+#[expect(dead_code, reason = "the frame's passes read it from the next change on")]
 pub struct ScreenSpaceOcclusion(pub(super) CachedTexture);
 
 /// Puts our texture where Bevy's lighting reads its own. Bevy's own passes do not run, unless their result is combined with
