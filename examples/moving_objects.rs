@@ -174,7 +174,7 @@ fn record(options: &Options, own_meshes: Option<OwnMeshes>) -> image::ImageResul
     commands.entity(camera).insert(target);
     match options.debug {
         Some(DebugView::Ambient) => drop(commands.entity(camera).insert(FieldDebugView::AmbientVisibility)),
-        Some(DebugView::Sun) => drop(commands.entity(camera).insert(FieldDebugView::Light0)),
+        Some(DebugView::Sun) => drop(commands.entity(camera).insert(FieldDebugView::Light(0))),
         None => {}
     }
     wait_for_bakes(&mut headless);
@@ -314,7 +314,7 @@ fn press_keys(
             let mut camera = commands.entity(camera);
             match view {
                 None => camera.insert(FieldDebugView::AmbientVisibility),
-                Some(FieldDebugView::AmbientVisibility) => camera.insert(FieldDebugView::Light0),
+                Some(FieldDebugView::AmbientVisibility) => camera.insert(FieldDebugView::Light(0)),
                 Some(_) => camera.remove::<FieldDebugView>(),
             };
         }

@@ -182,7 +182,7 @@ fn bad_input_is_told_once_and_the_rest_renders() {
     assert_told_once(&["the cap grid of visibility field `ball` is wrong inside its bounding box"]);
     assert_told_once(&["singular or not finite"]);
     assert_told_once(&["FieldOcclusion needs Msaa::Off", "Sample4"]);
-    assert_told_once(&["FieldShadows but no DirectionalLight"]);
+    assert_told_once(&["FieldShadows but no light"]);
     assert_told_once(&["FieldOcclusion but no Camera3d"]);
     assert_told_once(&["only the first 3 directional lights"]);
     assert_eq!(count(&["panicked"]), 0);

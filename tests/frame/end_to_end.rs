@@ -186,7 +186,7 @@ fn the_debug_view_shows_the_occlusion() {
     let mut stage = Stage::new(Shading::Forward);
     let [beside, shadow] = [BESIDE, SHADOW].map(|point| stage.pixel_of(point));
     let camera = stage.camera;
-    stage.entity(camera).insert(FieldDebugView::Light0);
+    stage.entity(camera).insert(FieldDebugView::Light(0));
     let sun = stage.picture();
     assert!(brightness(&sun, shadow) < 10 && brightness(&sun, SKY) > 250 && brightness(&sun, beside) > 250);
     stage.entity(camera).insert(FieldDebugView::AmbientVisibility);

@@ -129,10 +129,10 @@ fn every_kind_of_light_is_shadowed() {
 
 #[test]
 fn every_light_has_a_mask_of_its_own() {
+    use Kind::{Directional, Point, Spot};
     if !adapter::available() {
         return;
     }
-    use Kind::{Directional, Point, Spot};
     let [red, green, blue] = [LinearRgba::RED, LinearRgba::GREEN, LinearRgba::BLUE].map(|color| (color * 0.3).into());
     // Kind, colour, and shadow maps, which decide about the order of lights in Bevy's shader.
     let lights = [

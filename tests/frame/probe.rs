@@ -110,10 +110,10 @@ pub(crate) fn read(app: &App) -> ProbedFrame {
             world_from_clip: probe.world_from_clip,
             size: probe.size,
             depth: pixels.iter().map(|[geometry, _]| geometry[3]).collect(),
-            normals: pixels.iter().map(|[geometry, _]| Vec3::new(geometry[0], geometry[1], geometry[2])).collect(),
+            normals: pixels.iter().map(|[g, occlusion]| Vec4::new(g[0], g[1], g[2], occlusion[3])).collect(),
         },
         camera: probe.camera,
-        visibility: pixels.iter().map(|[_, occlusion]| [occlusion[0], 1.0 - occlusion[1]]).collect(),
+        visibility: pixels.iter().map(|[_, occlusion]| [occlusion[0], occlusion[1]]).collect(),
         receivers: pixels.iter().map(|[_, occlusion]| occlusion[3]).collect(),
     }
 }

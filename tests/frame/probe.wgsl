@@ -1,5 +1,5 @@
-// Copies what the node saw and what it made into a buffer: two vectors per pixel. The flags of the receiver, in the normals'
-// alpha, take the place of the occlusion's.
+// Copies what the node saw and what it made into a buffer: for each pixel the normal and the depth; ambient visibility, that of
+// the first two lights, and the flags of the receiver.
 
 @group(0) @binding(0) var depth_texture: texture_depth_2d;
 @group(0) @binding(1) var normal_texture: texture_2d<f32>;

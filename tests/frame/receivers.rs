@@ -5,7 +5,7 @@ use bevy::core_pipeline::prepass::DeferredPrepass;
 use bevy::mesh::MeshTag;
 use bevy::pbr::DefaultOpaqueRendererMethod;
 use bevy::prelude::*;
-use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
+use bevy::render::render_resource::{AsBindGroup, Extent3d, TextureDimension, TextureFormat};
 use bevy_visfield::prelude::*;
 use visfield_workspace::headless::HeadlessApp;
 
@@ -21,7 +21,15 @@ enum Surface {
     Unlit,
     /// Bevy discards pixels in the prepass.
     Masked,
+    /// A material without a prepass shader of its own.
+    Bare,
 }
+
+/// A material with Bevy's default shaders.
+#[derive(Asset, AsBindGroup, TypePath, Clone)]
+struct BareMaterial {}
+
+impl Material for BareMaterial {}
 
 fn material(world: &mut World, surface: Surface) -> StandardMaterial {
     let flat = Image::new_fill(
@@ -33,7 +41,7 @@ fn material(world: &mut World, surface: Surface) -> StandardMaterial {
     );
     let plain = StandardMaterial::default();
     match surface {
-        Surface::Plain => plain,
+        Surface::Plain | Surface::Bare => plain,
         Surface::NormalMapped => {
             let flat = world.resource_mut::<Assets<Image>>().add(flat);
             StandardMaterial { normal_map_texture: Some(flat), ..plain }
@@ -46,7 +54,7 @@ fn material(world: &mut World, surface: Surface) -> StandardMaterial {
 /// Four panels in a row, seen from the front, with all four values of the flags, and what the prepass wrote for each.
 fn flags_of_a_row(surface: Surface, deferred: bool) -> [f32; 4] {
     let mut headless = HeadlessApp::new(SIZE, |plugins| plugins);
-    headless.app.add_plugins(VisibilityFieldPlugin);
+    headless.app.add_plugins((VisibilityFieldPlugin, MaterialPlugin::<BareMaterial>::default()));
     probe::install(&mut headless.app);
     let target = headless.target();
     let world = headless.app.world_mut();
@@ -59,6 +67,13 @@ fn flags_of_a_row(surface: Surface, deferred: bool) -> [f32; 4] {
         let place = Transform::from_xyz(i as f32 - 1.5, 0.0, 0.0);
         world.spawn((Mesh3d(mesh.clone()), MeshMaterial3d(material.clone()), place)).id()
     });
+    if surface == Surface::Bare {
+        let bare = world.resource_mut::<Assets<BareMaterial>>().add(BareMaterial {});
+        for panel in panels {
+            let mut panel = world.entity_mut(panel);
+            panel.remove::<MeshMaterial3d<StandardMaterial>>().insert(MeshMaterial3d(bare.clone()));
+        }
+    }
     world.entity_mut(panels[1]).insert((OwnSurfaceOcclusion::Off, MeshTag(5)));
     world.entity_mut(panels[2]).insert(NotFieldReceiver);
     world.entity_mut(panels[3]).insert((OwnSurfaceOcclusion::Off, NotFieldReceiver));
@@ -95,7 +110,7 @@ fn the_prepass_tells_what_surfaces_receive() {
         return;
     }
     for deferred in [false, true] {
-        for surface in [Surface::Plain, Surface::NormalMapped, Surface::Unlit, Surface::Masked] {
+        for surface in [Surface::Plain, Surface::NormalMapped, Surface::Unlit, Surface::Masked, Surface::Bare] {
             let found = flags_of_a_row(surface, deferred);
             let expected = [3.0, 2.0, 1.0, 0.0].map(|flags| flags / 3.0);
             let error = std::iter::zip(found, expected).map(|(found, expected)| (found - expected).abs());

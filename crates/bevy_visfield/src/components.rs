@@ -1,6 +1,6 @@
 //! What users put on entities.
 
-use bevy::core_pipeline::prepass::{DepthPrepass, NormalPrepass};
+use bevy::core_pipeline::prepass::{DepthPrepass, MotionVectorPrepass, NormalPrepass};
 use bevy::prelude::*;
 
 use visfield::estimate::Falloff;
@@ -235,6 +235,16 @@ impl FieldOcclusion {
             turn: 0,
         }
         .clamped()
+    }
+}
+
+/// Adds the prepass that cameras need where frames are accumulated. It stays if they no longer are: it may be the user's.
+pub(crate) fn bring_motion_vectors(
+    mut commands: Commands,
+    cameras: Query<(Entity, &FieldOcclusion), (Changed<FieldOcclusion>, Without<MotionVectorPrepass>)>,
+) {
+    for (camera, _) in cameras.iter().filter(|(_, occlusion)| occlusion.accumulate) {
+        commands.entity(camera).insert(MotionVectorPrepass);
     }
 }
 

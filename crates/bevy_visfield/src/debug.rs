@@ -1,14 +1,16 @@
 //! A look at the occlusion texture itself, in the place of the picture.
 
+use std::num::NonZeroU64;
+
 use bevy::asset::{embedded_asset, load_embedded_asset};
 use bevy::core_pipeline::tonemapping::tonemapping;
 use bevy::core_pipeline::{Core3d, Core3dSystems, FullscreenShader};
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::extract_component::{ExtractComponent, ExtractComponentPlugin};
-use bevy::render::render_resource::binding_types::texture_2d;
+use bevy::render::render_resource::binding_types::{texture_2d, uniform_buffer_sized};
 use bevy::render::render_resource::{
-    BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, CachedRenderPipelineId, ColorTargetState,
+    BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, BufferInitDescriptor, BufferUsages, CachedRenderPipelineId, ColorTargetState,
     ColorWrites, FragmentState, Operations, PipelineCache, RenderPassColorAttachment, RenderPassDescriptor,
     RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline, SpecializedRenderPipelines, TextureFormat,
     TextureSampleType,
@@ -36,12 +38,11 @@ pub enum FieldDebugView {
     /// The unoccluded share of ambient light.
     #[default]
     AmbientVisibility,
-    /// The visible share of Bevy's first directional light.
-    Light0,
-    /// The visible share of its second.
-    Light1,
-    /// The visible share of its third.
-    Light2,
+    /// The visible share of a light: of those with [`FieldShadows`](crate::FieldShadows) that the camera shadows, in the order of
+    /// their entities, this one. White if there are not as many.
+    Light(u32),
+    /// How many instances each tile of 16×16 pixels looks at: dark blue for none, over green and yellow to red for 64 and more.
+    TileLoad,
 }
 
 pub(crate) fn plugin(app: &mut App) {
@@ -64,17 +65,19 @@ struct FieldDebugShader {
 }
 
 #[derive(Component)]
-pub struct FieldDebugPipeline(CachedRenderPipelineId);
+pub struct FieldDebugPipeline {
+    pipeline: CachedRenderPipelineId,
+    /// The channel of the occlusion texture, through its pages.
+    channel: u32,
+}
 
 impl SpecializedRenderPipeline for FieldDebugShader {
     type Key = (FieldDebugView, TextureFormat);
 
     fn specialize(&self, (view, format): Self::Key) -> RenderPipelineDescriptor {
         let entry_point = match view {
-            FieldDebugView::AmbientVisibility => "ambient",
-            FieldDebugView::Light0 => "light_0",
-            FieldDebugView::Light1 => "light_1",
-            FieldDebugView::Light2 => "light_2",
+            FieldDebugView::AmbientVisibility | FieldDebugView::Light(_) => "visible",
+            FieldDebugView::TileLoad => "tile_load",
         };
         RenderPipelineDescriptor {
             label: Some("field_debug".into()),
@@ -95,9 +98,12 @@ fn init_shader(mut commands: Commands, fullscreen: Res<FullscreenShader>, server
     commands.insert_resource(FieldDebugShader {
         layout: BindGroupLayoutDescriptor::new(
             "field_debug_layout",
-            &BindGroupLayoutEntries::single(
+            &BindGroupLayoutEntries::sequential(
                 ShaderStages::FRAGMENT,
-                texture_2d(TextureSampleType::Float { filterable: true }),
+                (
+                    texture_2d(TextureSampleType::Float { filterable: true }),
+                    uniform_buffer_sized(false, NonZeroU64::new(size_of::<[u32; 4]>() as u64)),
+                ),
             ),
         ),
         fullscreen: fullscreen.clone(),
@@ -113,8 +119,13 @@ fn prepare_pipelines(
     cameras: Query<(Entity, &ExtractedView, &FieldDebugView), (With<ExtractedCamera>, With<FieldOcclusion>)>,
 ) {
     for (entity, view, debug_view) in &cameras {
-        let pipeline = pipelines.specialize(&cache, &shader, (*debug_view, view.target_format));
-        commands.entity(entity).insert(FieldDebugPipeline(pipeline));
+        let channel = match debug_view {
+            FieldDebugView::AmbientVisibility | FieldDebugView::TileLoad => 0,
+            FieldDebugView::Light(light) => light.saturating_add(1),
+        };
+        let kind = if channel == 0 { *debug_view } else { FieldDebugView::AmbientVisibility };
+        let pipeline = pipelines.specialize(&cache, &shader, (kind, view.target_format));
+        commands.entity(entity).insert(FieldDebugPipeline { pipeline, channel });
     }
 }
 
@@ -125,11 +136,19 @@ fn show(
     mut context: RenderContext,
 ) {
     let (target, frame, pipeline) = view.into_inner();
-    let Some(pipeline) = cache.get_render_pipeline(pipeline.0) else { return };
+    let channel = pipeline.channel;
+    let Some(pipeline) = cache.get_render_pipeline(pipeline.pipeline) else { return };
+    // Where the channel is: in which page, and where that starts.
+    let place = [channel % 4, channel / 4 * frame.page_rows(), 0, 0];
+    let place = context.render_device().create_buffer_with_data(&BufferInitDescriptor {
+        label: Some("field_debug"),
+        contents: bytemuck::cast_slice(&place),
+        usage: BufferUsages::UNIFORM,
+    });
     let bind_group = context.render_device().create_bind_group(
         "field_debug",
         &cache.get_bind_group_layout(&shader.layout),
-        &BindGroupEntries::single(&frame.output.default_view),
+        &BindGroupEntries::sequential((&frame.output.default_view, place.as_entire_binding())),
     );
     let mut pass = context.command_encoder().begin_render_pass(&RenderPassDescriptor {
         label: Some("field_debug"),

@@ -8,6 +8,9 @@ use bevy::prelude::*;
 use crate::asset::VisibilityField;
 use crate::components::{FieldOcclusion, FieldShadows, VisibilityField3d};
 
+/// What no light of Bevy's has.
+type NoLightAtAll = (Without<DirectionalLight>, Without<PointLight>, Without<SpotLight>, Without<RectLight>);
+
 /// Seconds after which a field that is not even loading counts as forgotten.
 const PATIENCE: f32 = 5.0;
 
@@ -16,11 +19,11 @@ pub(crate) fn plugin(app: &mut App) {
 }
 
 fn warn_about_misplaced_components(
-    lights: Query<Entity, (Added<FieldShadows>, Without<DirectionalLight>)>,
+    lights: Query<Entity, (Added<FieldShadows>, NoLightAtAll)>,
     cameras: Query<Entity, (Added<FieldOcclusion>, Without<Camera3d>)>,
 ) {
     for entity in &lights {
-        warn!("entity {entity} has FieldShadows but no DirectionalLight: no other light casts field shadows yet");
+        warn!("entity {entity} has FieldShadows but no light: insert it on the light that shall have soft shadows");
     }
     for entity in &cameras {
         warn!("entity {entity} has FieldOcclusion but no Camera3d: insert it on the camera that shall show occlusion");

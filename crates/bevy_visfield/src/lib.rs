@@ -30,7 +30,7 @@
 //! # Limits
 //! - Opaque and alpha-masked surfaces receive occlusion. Transparent ones are lit by what lies behind them, as with Bevy's
 //!   own screen-space ambient occlusion.
-//! - Every camera masks the first three directional lights that it sees; others stay unshadowed, with one warning.
+//! - Every camera masks the eleven lights that matter most to it; others stay unshadowed, with one warning.
 //! - A field with a cap grid alone casts no shadows, but of lights of 15° and more if it was baked with `--order 3`.
 //! - Cap grids do not resolve what is smaller than their cells: contacts are soft, and an object's own creases shallow.
 //!   [`OcclusionEstimator::Rays`] shows more of both.
@@ -54,13 +54,13 @@ mod receivers;
 mod render;
 mod shader_patch;
 
-use bevy::app::{App, Plugin};
+use bevy::app::{App, Plugin, PostUpdate};
 use bevy::asset::AssetApp;
 
 pub use asset::{VisibilityField, VisibilityFieldLoader, VisibilityFieldSet};
 pub use components::{
-    FieldOcclusion, FieldOcclusionQuality, FieldShadows, NotFieldOccluder, OcclusionEstimator, RaysPerPixel,
-    VisibilityField3d,
+    FieldOcclusion, FieldOcclusionCost, FieldOcclusionQuality, FieldShadows, NotFieldAmbientOccluder, NotFieldOccluder,
+    NotFieldShadowCaster, OcclusionEstimator, OcclusionFalloff, ScreenSpaceOcclusion, VisibilityField3d,
 };
 pub use debug::FieldDebugView;
 pub use no_shadow::{FieldShadowDiagnosis, NoShadow, why_no_shadow};
@@ -73,8 +73,9 @@ pub mod prelude {
     pub use crate::bake::{BakeProgress, BakeVisibilityField};
     pub use crate::{
         FieldDebugView, FieldMemoryBudget, FieldOcclusion, FieldOcclusionQuality, FieldShadowDiagnosis, FieldShadows,
-        NotFieldOccluder, NotFieldReceiver, OcclusionEstimator, OwnSurfaceOcclusion, VisibilityField,
-        VisibilityField3d, VisibilityFieldPlugin,
+        NotFieldAmbientOccluder, NotFieldOccluder, NotFieldReceiver, NotFieldShadowCaster, OcclusionEstimator,
+        OcclusionFalloff, OwnSurfaceOcclusion, ScreenSpaceOcclusion, VisibilityField, VisibilityField3d,
+        VisibilityFieldPlugin,
     };
 }
 
@@ -96,12 +97,15 @@ impl Plugin for VisibilityFieldPlugin {
             .init_asset_loader::<VisibilityFieldLoader>()
             .register_type::<VisibilityField3d>()
             .register_type::<NotFieldOccluder>()
+            .register_type::<NotFieldAmbientOccluder>()
+            .register_type::<NotFieldShadowCaster>()
             .register_type::<FieldOcclusion>()
             .register_type::<FieldShadows>()
             .register_type::<FieldDebugView>()
             .register_type::<NoShadow>()
             .register_type::<NotFieldReceiver>()
             .register_type::<OwnSurfaceOcclusion>()
+            .add_systems(PostUpdate, components::bring_motion_vectors)
             .add_plugins((render::plugin, debug::plugin, diagnose::plugin));
         #[cfg(feature = "bake")]
         app.add_plugins(bake::plugin);

@@ -101,7 +101,7 @@ impl ExtractedLights<'_, '_> {
         let shadowed = shown.filter_map(|(index, (entity, light, _, settings))| {
             let shape = LightShape::Directional { to_light: light.transform.back().into() };
             let shader_light = ShaderLight::Directional(index);
-            Candidate::new(entity, shader_light, shape, settings?, f32::INFINITY)
+            Candidate::new(entity, shader_light, shape, *settings?, f32::INFINITY)
         });
         shadowed.collect()
     }
@@ -115,7 +115,7 @@ impl ExtractedLights<'_, '_> {
             let cone = light.spot_light_angles.map(|(_, outer_angle)| LightCone { direction, outer_angle });
             let shape = LightShape::Point { position, radius: light.radius, range: light.range, cone };
             let importance = importance(light.intensity, light.color, position, camera);
-            Candidate::new(entity, ShaderLight::Clustered(index), shape, settings, importance)
+            Candidate::new(entity, ShaderLight::Clustered(index), shape, *settings, importance)
         })
     }
 
@@ -128,7 +128,7 @@ impl ExtractedLights<'_, '_> {
             let shape = LightShape::Rect { position, half_width, half_height, range: light.range };
             // Bevy makes it a luminance.
             let importance = importance(light.intensity * light.width * light.height, light.color, position, camera);
-            Candidate::new(entity, ShaderLight::Rect(RectKey::new(light)), shape, settings, importance)
+            Candidate::new(entity, ShaderLight::Rect(RectKey::new(light)), shape, *settings, importance)
         })
     }
 }
@@ -161,10 +161,10 @@ impl Candidate {
         entity: Entity,
         shader_light: ShaderLight,
         shape: LightShape,
-        settings: &FieldShadows,
+        settings: FieldShadows,
         importance: f32,
     ) -> Option<Self> {
-        let light = ShadowedLight { entity, shader_light, shape, settings: *settings };
+        let light = ShadowedLight { entity, shader_light, shape, settings };
         shape.is_sound().then_some(Self { light, importance })
     }
 
@@ -201,7 +201,7 @@ mod tests {
     fn candidate(index: u32, importance: f32) -> Candidate {
         let shape = LightShape::Point { position: Vec3::ZERO, radius: 0.0, range: 1.0, cone: None };
         let entity = Entity::from_raw_u32(index).unwrap();
-        Candidate::new(entity, ShaderLight::Clustered(index), shape, &FieldShadows::HAZY, importance).unwrap()
+        Candidate::new(entity, ShaderLight::Clustered(index), shape, FieldShadows::HAZY, importance).unwrap()
     }
 
     fn chosen(importances: &[f32], most: usize) -> Vec<u32> {

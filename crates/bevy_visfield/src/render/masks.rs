@@ -113,11 +113,6 @@ impl MaskTable {
         self.lights.len()
     }
 
-    /// Pages as large as the camera's target, stacked from the top.
-    pub(super) fn pages(&self) -> u32 {
-        self.pages
-    }
-
     /// The size of the texture.
     pub(super) fn texture_size(&self) -> UVec2 {
         UVec2::new(self.page_size.x, self.page_size.y * self.pages + self.header_rows)
@@ -183,7 +178,7 @@ mod tests {
     fn the_header_names_the_channel_of_every_light() {
         for width in [1, 7, 19, 60, 640] {
             let table = MaskTable::new(&LIGHTS, UVec2::new(width, 10), 8192).unwrap();
-            assert_eq!((table.masks(), table.pages()), (4, 2));
+            assert_eq!((table.masks(), table.pages), (4, 2));
             let rows = 60_u32.div_ceil(width);
             assert_eq!(table.texture_size(), UVec2::new(width, 20 + rows));
             assert_eq!(table.header_rect(), (UVec2::new(0, 20), UVec2::new(width, rows)));
@@ -202,7 +197,7 @@ mod tests {
         let pages = |masks: usize| {
             let lights: Vec<_> = (0..masks as u32).map(ShaderLight::Clustered).collect();
             let table = MaskTable::new(&lights, UVec2::new(64, 64), 8192).unwrap();
-            (table.masks(), table.pages())
+            (table.masks(), table.pages)
         };
         assert_eq!([0, 3, 4, 7, 8, 11, 40].map(pages), [(0, 1), (3, 1), (4, 2), (7, 2), (8, 3), (11, 3), (11, 3)]);
     }

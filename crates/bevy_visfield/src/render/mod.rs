@@ -12,7 +12,9 @@ mod node;
 mod prepare;
 mod residency;
 
+use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
 use bevy::core_pipeline::{Core3d, Core3dSystems};
+use bevy::pbr::deferred::deferred_lighting;
 use bevy::pbr::prepare_mesh_view_bind_groups;
 use bevy::prelude::*;
 use bevy::render::extract_component::ExtractComponentPlugin;
@@ -50,7 +52,7 @@ pub enum FieldOcclusionSystems {
     Prepare,
     /// In `Render`, after `RenderSystems::PrepareBindGroups`: the occlusion texture is bound to Bevy's lighting.
     Compose,
-    /// In `Core3d`, between prepass and main pass: the occlusion texture is computed.
+    /// In `Core3d`, at the start of `Core3dSystems::MainPass`: the occlusion texture is computed.
     Trace,
 }
 
@@ -109,7 +111,12 @@ pub(crate) fn finish(app: &mut App) {
         )
         .configure_sets(
             Core3d,
-            FieldOcclusionSystems::Trace.after(Core3dSystems::Prepass).before(Core3dSystems::MainPass),
+            // Within this set, so that Bevy's own screen-space ambient occlusion, which comes before it, can be joined; and
+            // before all that reads the result.
+            FieldOcclusionSystems::Trace
+                .in_set(Core3dSystems::MainPass)
+                .before(main_opaque_pass_3d)
+                .before(deferred_lighting),
         )
         .add_systems(Core3d, node::field_occlusion.in_set(FieldOcclusionSystems::Trace));
     patch_shaders(app, [compose::MASK_DIRECT_LIGHT]);

@@ -5,9 +5,8 @@ use std::collections::HashMap;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::image::ToExtents;
 use bevy::prelude::*;
-use bevy::render::diagnostic::internal::DiagnosticsRecorder;
 use bevy::render::diagnostic::{RecordDiagnostics, TimeSpanGuard};
-use bevy::render::render_resource::{Origin3d, TexelCopyBufferLayout, TexelCopyTextureInfo};
+use bevy::render::render_resource::{CommandEncoder, Origin3d, TexelCopyBufferLayout, TexelCopyTextureInfo};
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
 use visfield::gpu::{FrameInputs, OcclusionPasses, OcclusionView, PassTimer, ScreenSpace};
 
@@ -49,7 +48,8 @@ pub(super) fn field_occlusion(
     tell_masks(&queue, frame);
     let device = context.render_device().clone();
     let recorder = context.diagnostic_recorder();
-    let mut timer = Spans { recorder: recorder.as_deref(), open: None };
+    let recorder = recorder.as_deref();
+    let mut timer = Spans { recorder: &recorder, open: None };
     let screen_space = bevys_occlusion.zip(frame.screen_space).map(|(occlusion, combination)| ScreenSpace {
         visibility: &occlusion.0.default_view,
         combination,
@@ -81,29 +81,30 @@ pub(super) fn field_occlusion(
 /// Tells Bevy's lighting which light has which mask.
 fn tell_masks(queue: &RenderQueue, frame: &FieldOcclusionFrame) {
     let (origin, size) = frame.masks.header_rect();
+    let texels: Vec<u8> = frame.masks.header().as_flattened().iter().flat_map(|number| number.to_le_bytes()).collect();
     queue.write_texture(
         TexelCopyTextureInfo {
             origin: Origin3d { x: origin.x, y: origin.y, z: 0 },
             ..frame.output.texture.as_image_copy()
         },
-        bytemuck::cast_slice(&frame.masks.header()),
+        &texels,
         TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(size.x * 8), rows_per_image: None },
         size.to_extents(),
     );
 }
 
 /// Times each group of passes, if the app has Bevy's `RenderDiagnosticsPlugin`.
-struct Spans<'a> {
-    recorder: Option<&'a DiagnosticsRecorder>,
-    open: Option<TimeSpanGuard<'a, DiagnosticsRecorder>>,
+struct Spans<'a, R> {
+    recorder: &'a R,
+    open: Option<TimeSpanGuard<'a, R, CommandEncoder>>,
 }
 
-impl PassTimer for Spans<'_> {
-    fn begin(&mut self, encoder: &mut wgpu::CommandEncoder, pass: &'static str) {
-        self.open = self.recorder.map(|recorder| recorder.time_span(encoder, span_name(pass)));
+impl<R: RecordDiagnostics> PassTimer for Spans<'_, R> {
+    fn begin(&mut self, encoder: &mut CommandEncoder, pass: &'static str) {
+        self.open = Some(self.recorder.time_span(encoder, span_name(pass)));
     }
 
-    fn end(&mut self, encoder: &mut wgpu::CommandEncoder) {
+    fn end(&mut self, encoder: &mut CommandEncoder) {
         if let Some(span) = self.open.take() {
             span.end(encoder);
         }

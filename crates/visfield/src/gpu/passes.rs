@@ -112,7 +112,7 @@ impl FrameInputs<'_> {
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct ScreenSpace<'a> {
-    /// A texture whose first channel is ambient visibility, as large as depth and normals.
+    /// A texture whose first channel is ambient visibility, as large as the viewport.
     pub visibility: &'a wgpu::TextureView,
     /// How it is joined.
     pub combination: ScreenSpaceCombination,

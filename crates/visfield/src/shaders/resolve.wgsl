@@ -61,7 +61,7 @@ fn upsampled(around: Neighbors, page: u32) -> vec4<f32> {
 }
 
 fn with_screen_space(visibility: f32, pixel: vec2<u32>) -> f32 {
-    let other = textureLoad(screen_space_texture, pixel + frame.viewport_origin, 0).x;
+    let other = textureLoad(screen_space_texture, pixel, 0).x;
     switch frame.screen_space {
         case 1u: { return min(visibility, other); }
         case 2u: { return visibility * other; }
