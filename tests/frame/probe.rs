@@ -1,7 +1,8 @@
 //! Reads a frame's depth, normals and occlusion back, as the node saw and made them.
 
+use bevy::core_pipeline::Core3d;
+use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
-use bevy::core_pipeline::{Core3d, Core3dSystems};
 use bevy::prelude::*;
 use bevy::render::RenderApp;
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue, ViewQuery};
@@ -34,7 +35,7 @@ pub(crate) fn install(app: &mut App) {
     let render_app = app.sub_app_mut(RenderApp);
     render_app
         .init_resource::<Probe>()
-        .add_systems(Core3d, copy.after(FieldOcclusionSystems::Trace).before(Core3dSystems::MainPass));
+        .add_systems(Core3d, copy.after(FieldOcclusionSystems::Trace).before(main_opaque_pass_3d));
 }
 
 fn copy(

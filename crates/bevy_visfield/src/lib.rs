@@ -64,8 +64,8 @@ pub use components::{
 };
 pub use debug::FieldDebugView;
 pub use no_shadow::{FieldShadowDiagnosis, NoShadow, why_no_shadow};
-pub use render::{FieldLevel, FieldMemoryBudget, FieldOcclusionFrame, FieldOcclusionSystems, FieldResidency};
 pub use receivers::{NotFieldReceiver, OwnSurfaceOcclusion};
+pub use render::{FieldLevel, FieldMemoryBudget, FieldOcclusionFrame, FieldOcclusionSystems, FieldResidency};
 
 /// What most users need.
 pub mod prelude {

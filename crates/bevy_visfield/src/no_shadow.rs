@@ -12,7 +12,7 @@ use visfield::field::lookup::Grid;
 use visfield::scene::Placement;
 
 use crate::asset::VisibilityField;
-use crate::components::{FieldOcclusion, FieldShadows, NotFieldOccluder, VisibilityField3d};
+use crate::components::{FieldOcclusion, FieldShadows, NotFieldOccluder, NotFieldShadowCaster, VisibilityField3d};
 use crate::render::{FieldLevel, RenderFeedback};
 
 /// Why an entity casts no field shadow. Its text says what to do next.
@@ -21,7 +21,7 @@ use crate::render::{FieldLevel, RenderFeedback};
 /// | --- | --- |
 /// | VF001 | [`NoEntity`](Self::NoEntity): the entity does not exist |
 /// | VF002 | [`NoField`](Self::NoField): it has no [`VisibilityField3d`] |
-/// | VF003 | [`NotOccluder`](Self::NotOccluder): it is marked with [`NotFieldOccluder`] |
+/// | VF003 | [`NotOccluder`](Self::NotOccluder): it is marked with [`NotFieldOccluder`] or [`NotFieldShadowCaster`] |
 /// | VF004 | [`Hidden`](Self::Hidden): it is hidden |
 /// | VF005 | [`NotLoading`](Self::NotLoading): its field is neither loaded nor loading |
 /// | VF006 | [`Loading`](Self::Loading): its field is still loading |
@@ -55,8 +55,8 @@ pub enum NoShadow {
     /// It has no [`VisibilityField3d`].
     #[error("{}: the entity has no VisibilityField3d; insert one beside its Mesh3d, baked from that mesh", self.code())]
     NoField,
-    /// It has a [`NotFieldOccluder`].
-    #[error("{}: the entity is marked with NotFieldOccluder; remove that", self.code())]
+    /// It has a [`NotFieldOccluder`] or a [`NotFieldShadowCaster`].
+    #[error("{}: the entity is marked with NotFieldOccluder or NotFieldShadowCaster; remove that", self.code())]
     NotOccluder,
     /// It is hidden, by itself or by a parent.
     #[error("{}: the entity is hidden, by its own Visibility or a parent's; show it", self.code())]
@@ -95,7 +95,7 @@ pub enum NoShadow {
     )]
     Hemisphere,
     /// No visible light that can have field shadows has [`FieldShadows`].
-    #[error("{}: no visible light has FieldShadows; insert that on a DirectionalLight", self.code())]
+    #[error("{}: no visible light has FieldShadows; insert that on a light", self.code())]
     NoLight,
     /// No active 3D camera has [`FieldOcclusion`].
     #[error("{}: no active Camera3d has FieldOcclusion; insert that on the camera, or activate it", self.code())]
@@ -162,8 +162,12 @@ impl NoShadow {
 }
 
 /// The lights that can have field shadows.
-type ShadowedLights<'w, 's> =
-    Query<'w, 's, (&'static FieldShadows, Option<&'static InheritedVisibility>), With<DirectionalLight>>;
+type ShadowedLights<'w, 's> = Query<
+    'w,
+    's,
+    (&'static FieldShadows, Option<&'static InheritedVisibility>, Has<DirectionalLight>),
+    Or<(With<DirectionalLight>, With<PointLight>, With<SpotLight>, With<RectLight>)>,
+>;
 
 /// The cameras that show field occlusion, if they can.
 type OcclusionCameras<'w, 's> = Query<
@@ -205,6 +209,7 @@ pub struct FieldShadowDiagnosis<'w, 's> {
         (
             Option<&'static VisibilityField3d>,
             Has<NotFieldOccluder>,
+            Has<NotFieldShadowCaster>,
             Option<&'static InheritedVisibility>,
             Option<&'static GlobalTransform>,
             Option<&'static RenderLayers>,
@@ -224,11 +229,11 @@ impl FieldShadowDiagnosis<'_, '_> {
     }
 
     fn casts_shadow(&self, entity: Entity) -> Result<(), NoShadow> {
-        let Ok((handle, not_occluder, visibility, transform, layers)) = self.occluders.get(entity) else {
+        let Ok((handle, not_occluder, not_caster, visibility, transform, layers)) = self.occluders.get(entity) else {
             return Err(NoShadow::NoEntity);
         };
         let handle = handle.ok_or(NoShadow::NoField)?;
-        if not_occluder {
+        if not_occluder || not_caster {
             return Err(NoShadow::NotOccluder);
         }
         if !visibility.is_some_and(|visibility| visibility.get()) {
@@ -246,7 +251,7 @@ impl FieldShadowDiagnosis<'_, '_> {
             Some(Grid::Hemisphere(_)) if !by_caps => return Err(NoShadow::Hemisphere),
             _ => {}
         }
-        if !self.lights.iter().any(|(_, visibility)| visibility.is_none_or(|visibility| visibility.get())) {
+        if !self.lights.iter().any(|(_, visibility, _)| visibility.is_none_or(|visibility| visibility.get())) {
             return Err(NoShadow::NoLight);
         }
         self.is_seen(layers.unwrap_or_default())?;
@@ -265,7 +270,7 @@ impl FieldShadowDiagnosis<'_, '_> {
     /// Whether a light is so large that the field's cap grid hides it, for a camera that asks cap grids.
     fn caps_hide_lights(&self, field: &visfield::VisibilityField) -> bool {
         field.cap_grid().is_some_and(|grid| grid.header().format.order == HarmonicOrder::Three)
-            && self.lights.iter().any(|(shadows, _)| shadows.angular_radius >= LARGE_LIGHT)
+            && self.lights.iter().any(|(shadows, _, in_the_sky)| in_the_sky && shadows.angular_radius >= LARGE_LIGHT)
             && self.cameras.iter().any(|(settings, ..)| settings.trace_settings().caps.is_some())
     }
 

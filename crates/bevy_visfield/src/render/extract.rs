@@ -16,8 +16,8 @@ use super::compose::{BevysOcclusion, CombinesScreenSpace};
 use super::prepare::FieldOcclusionFrame;
 use crate::asset::VisibilityField;
 use crate::components::{
-    FieldOcclusion, FieldShadows, NotFieldAmbientOccluder, NotFieldOccluder, NotFieldShadowCaster, ScreenSpaceOcclusion,
-    VisibilityField3d,
+    FieldOcclusion, FieldShadows, NotFieldAmbientOccluder, NotFieldOccluder, NotFieldShadowCaster,
+    ScreenSpaceOcclusion, VisibilityField3d,
 };
 use crate::receivers::OwnSurfaceOcclusion;
 

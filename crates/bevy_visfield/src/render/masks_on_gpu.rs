@@ -39,7 +39,7 @@ fn content(channel: usize, pixel: UVec2) -> f32 {
 
 /// The whole texture: pages of [`content`], and the header.
 fn texels(table: &MaskTable) -> Vec<[f16; 4]> {
-    let pages = (0..table.pages() * PAGE.y).flat_map(|row| {
+    let pages = (0..table.pages * PAGE.y).flat_map(|row| {
         let (page, y) = (row / PAGE.y, row % PAGE.y);
         (0..PAGE.x)
             .map(move |x| std::array::from_fn(|i| f16::from_f32(content(page as usize * 4 + i, UVec2::new(x, y)))))

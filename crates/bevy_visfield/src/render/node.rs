@@ -50,10 +50,9 @@ pub(super) fn field_occlusion(
     let recorder = context.diagnostic_recorder();
     let recorder = recorder.as_deref();
     let mut timer = Spans { recorder: &recorder, open: None };
-    let screen_space = bevys_occlusion.zip(frame.screen_space).map(|(occlusion, combination)| ScreenSpace {
-        visibility: &occlusion.0.default_view,
-        combination,
-    });
+    let screen_space = bevys_occlusion
+        .zip(frame.screen_space)
+        .map(|(occlusion, combination)| ScreenSpace { visibility: &occlusion.0.default_view, combination });
 
     let OcclusionViews { passes, views } = &mut *views;
     passes.encode(

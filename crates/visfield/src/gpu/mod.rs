@@ -16,7 +16,8 @@ mod pool;
 mod view;
 
 pub use passes::{
-    FrameInputs, MissingCapability, OUTPUT_FORMAT, OcclusionPasses, PassTimer, ScreenSpace, ScreenSpaceCombination, TILE_LOAD_SHOWN,
+    FrameInputs, MissingCapability, OUTPUT_FORMAT, OcclusionPasses, PassTimer, ScreenSpace, ScreenSpaceCombination,
+    TILE_LOAD_SHOWN,
 };
 pub use pool::{CapGridSlot, FieldPool, FieldSlot, PoolError, PoolStatistics, TableSlot};
 pub use view::OcclusionView;
