@@ -279,7 +279,7 @@ pub enum OcclusionEstimator {
 /// | preset | ambient occlusion | rays per pixel and light | traced | denoised |
 /// | --- | --- | --- | --- | --- |
 /// | `Low` | cap grids, as if objects hid each other by chance | 4 | every second pixel of every second row | once |
-/// | `Medium` | cap grids, along 8 directions | 8 | every second pixel of every second row | once |
+/// | `Medium` | cap grids, along 8 directions | 8 | every pixel | once |
 /// | `High` | 16 rays per pixel | 16 | every pixel | once |
 /// | `Ultra` | 32 rays per pixel | 32 | every pixel | once |
 ///
@@ -338,7 +338,7 @@ impl FieldOcclusionQuality {
     pub const fn cost(self) -> FieldOcclusionCost {
         match self {
             Self::Low => preset_cost(OcclusionEstimator::CapGrid, 4, true),
-            Self::Medium => preset_cost(OcclusionEstimator::CapGrid, 8, true),
+            Self::Medium => preset_cost(OcclusionEstimator::CapGrid, 8, false),
             Self::High => preset_cost(OcclusionEstimator::Rays, 16, false),
             Self::Ultra => preset_cost(OcclusionEstimator::Rays, MAX_RAYS, false),
             Self::Custom { ambient_rays, shadow_rays, half_resolution, denoise_passes } => FieldOcclusionCost {

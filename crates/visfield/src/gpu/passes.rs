@@ -17,6 +17,9 @@ use crate::estimate::source::OcclusionSource;
 /// ambient light, then comes one for each light.
 pub const OUTPUT_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba16Float;
 
+/// Format of what is traced and filtered.
+pub(super) const TRACED_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+
 /// Entries of a tile's list that are shown as a full one.
 pub const TILE_LOAD_SHOWN: u32 = 64;
 

@@ -5,6 +5,7 @@ use glam::UVec2;
 use super::OUTPUT_FORMAT;
 use super::layout::{FrameUniform, InstanceData, sample_data};
 use super::lists::TileLists;
+use super::passes::TRACED_FORMAT;
 use crate::estimate::caps::CapCombination;
 use crate::estimate::frame::TraceSettings;
 
@@ -71,8 +72,11 @@ impl OcclusionView {
         let samples = self.samples.as_ref().map_or(0, |(buffer, _)| buffer.size());
         let lists = self.lists.as_ref().map_or(0, |lists| lists.buffer().size());
         let textures = [&self.traced, &self.history].into_iter().flatten().flatten();
-        let texels = textures.map(|texture| u64::from(texture.width()) * u64::from(texture.height()));
-        buffers + samples + lists + texels.sum::<u64>() * u64::from(OUTPUT_FORMAT.block_copy_size(None).unwrap_or(0))
+        let bytes = |texture: &wgpu::Texture| {
+            let texel = texture.format().block_copy_size(None).unwrap_or(0);
+            u64::from(texture.width()) * u64::from(texture.height()) * u64::from(texel)
+        };
+        buffers + samples + lists + textures.map(bytes).sum::<u64>()
     }
 
     /// Makes what is missing or no longer fits.
@@ -84,10 +88,11 @@ impl OcclusionView {
         viewport: UVec2,
         needed: Needed,
     ) -> Prepared<'_> {
-        fit_textures(&mut self.traced, device, needed.traced, "field occlusion, traced");
+        fit_textures(&mut self.traced, device, needed.traced, ("field occlusion, traced", TRACED_FORMAT));
         let kept = self.history.is_some();
         let size = needed.traced.filter(|_| needed.accumulated);
-        let is_history = !fit_textures(&mut self.history, device, size, "field occlusion, accumulated") && kept;
+        let accumulated = ("field occlusion, accumulated", OUTPUT_FORMAT);
+        let is_history = !fit_textures(&mut self.history, device, size, accumulated) && kept;
         if let Some(history) = &mut self.history {
             history.swap(0, 1);
             self.turn = (self.turn + 1) % TURNS;
@@ -148,7 +153,7 @@ fn fit_textures(
     kept: &mut Option<[wgpu::Texture; 2]>,
     device: &wgpu::Device,
     size: Option<UVec2>,
-    label: &str,
+    (label, format): (&str, wgpu::TextureFormat),
 ) -> bool {
     kept.take_if(|[texture, _]| Some(UVec2::new(texture.width(), texture.height())) != size);
     let Some(size) = size.filter(|_| kept.is_none()) else { return false };
@@ -159,7 +164,7 @@ fn fit_textures(
             mip_level_count: 1,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
-            format: OUTPUT_FORMAT,
+            format,
             usage: wgpu::TextureUsages::STORAGE_BINDING | wgpu::TextureUsages::TEXTURE_BINDING,
             view_formats: &[],
         })

@@ -3,10 +3,13 @@
 
 // Occlusion, by pages.
 @group(0) @binding(3) var noisy_texture: texture_2d<f32>;
-@group(0) @binding(4) var filtered_texture: texture_storage_2d<rgba16float, write>;
+@group(0) @binding(4) var filtered_texture: texture_storage_2d<rgba8unorm, write>;
 
 // Taps to either side.
 const REACH: i32 = 4;
+
+// 1 over the difference up to which taps count fully; at twice that they do not.
+const LIKENESS: f32 = 3.0;
 
 // How much a tap counts for ambient occlusion and for lights, whose patterns repeat every eight and four pixels: each
 // residue counts once, those at both ends half each.
@@ -17,10 +20,18 @@ fn pattern_weight(offset: i32, page: u32) -> vec4<f32> {
     return vec4<f32>(select(light, ambient, page == 0u), light, light, light);
 }
 
+// How far what a tap found can be the same as what the centre found, but for noise: across the edge of a shadow it is not.
+// Ambient occlusion has no such edges.
+fn likeness(center: vec4<f32>, found: vec4<f32>, page: u32) -> vec4<f32> {
+    let light = clamp(2.0 - abs(found - center) * LIKENESS, vec4<f32>(0.0), vec4<f32>(1.0));
+    return vec4<f32>(select(light.x, 1.0, page == 0u), light.yzw);
+}
+
 fn denoise_line(pixel: vec2<u32>, page: u32, along: vec2<i32>) -> vec4<f32> {
     let center = receiver_at(traced_pixel(pixel));
     let page_start = vec2<i32>(0, i32(page * frame.trace_size.y));
-    var sum = textureLoad(noisy_texture, vec2<i32>(pixel) + page_start, 0);
+    let own = textureLoad(noisy_texture, vec2<i32>(pixel) + page_start, 0);
+    var sum = own;
     var total = vec4<f32>(1.0);
     if center.depth > 0.0 {
         let footprint = pixel_footprint(traced_pixel(pixel), center);
@@ -31,12 +42,20 @@ fn denoise_line(pixel: vec2<u32>, page: u32, along: vec2<i32>) -> vec4<f32> {
                 continue;
             }
             let neighbor = receiver_at(traced_pixel(vec2<u32>(at)));
-            let weight = pattern_weight(offset, page) * bilateral_weight(center, neighbor, footprint);
-            sum += textureLoad(noisy_texture, at + page_start, 0) * weight;
+            let found = textureLoad(noisy_texture, at + page_start, 0);
+            let same = bilateral_weight(center, neighbor, footprint);
+            let weight = pattern_weight(offset, page) * likeness(own, found, page) * same;
+            sum += found * weight;
             total += weight;
         }
     }
     return sum / total;
+}
+
+// What is added before a value becomes a byte, so that the bytes of a surface are right in their mean: less than half a step, so
+// that 0 and 1 stay what they are.
+fn dither(pixel: vec2<u32>) -> f32 {
+    return (f32(interleave_index(pixel.x, pixel.y, 3u)) - 31.5) * (1.0 / 64.0 / 255.0);
 }
 
 // One page of a pixel, from its neighbours along rows or columns.
@@ -44,7 +63,7 @@ fn denoise(id: vec3<u32>, along: vec2<i32>) {
     if any(id.xy >= frame.trace_size) {
         return;
     }
-    let filtered = denoise_line(id.xy, id.z, along);
+    let filtered = denoise_line(id.xy, id.z, along) + dither(id.xy);
     textureStore(filtered_texture, id.xy + vec2<u32>(0u, id.z * frame.trace_size.y), filtered);
 }
 

@@ -107,3 +107,13 @@ fn traced_pixel(pixel: vec2<u32>) -> vec2<u32> {
 fn pages() -> u32 {
     return (frame.light_count + 4u) / 4u;
 }
+
+// Which residue of a pattern that 2^bits pixels a side share is a pixel's own.
+fn interleave_index(x: u32, y: u32, bits: u32) -> u32 {
+    let diagonal = x ^ y;
+    var index = 0u;
+    for (var bit = 0u; bit < bits; bit++) {
+        index = (index << 2u) | (((diagonal >> bit) & 1u) << 1u) | ((y >> bit) & 1u);
+    }
+    return index;
+}

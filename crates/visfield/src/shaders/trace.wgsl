@@ -4,23 +4,14 @@
 // Points of the sphere and how far their rays reach (64 × ambient_rays), then points of the disc and of the square (16 ×
 // shadow_rays of each).
 @group(0) @binding(6) var<storage, read> samples: array<vec4<f32>>;
-// Occlusion, by pages.
-@group(0) @binding(8) var noisy_texture: texture_storage_2d<rgba16float, write>;
+// Occlusion, by pages. Bytes hold shares of up to 32 rays, and half as much memory.
+@group(0) @binding(8) var noisy_texture: texture_storage_2d<rgba8unorm, write>;
 
 const AMBIENT_INTERLEAVE_BITS: u32 = 3u;
 const LIGHT_INTERLEAVE_BITS: u32 = 2u;
 
 fn residues(bits: u32) -> u32 {
     return 1u << (2u * bits);
-}
-
-fn interleave_index(x: u32, y: u32, bits: u32) -> u32 {
-    let diagonal = x ^ y;
-    var index = 0u;
-    for (var bit = 0u; bit < bits; bit++) {
-        index = (index << 2u) | (((diagonal >> bit) & 1u) << 1u) | ((y >> bit) & 1u);
-    }
-    return index;
 }
 
 // All rays of a number, as bits.

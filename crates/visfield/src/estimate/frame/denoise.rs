@@ -3,6 +3,7 @@
 use glam::{IVec2, UVec2, Vec2};
 
 use super::{Channels, FrameReceiver, GeometryBuffer, MAX_LIGHTS, TraceResolution, TraceSettings, index, pixels};
+use crate::estimate::sampling::interleave_index;
 
 /// Averages the interleaved patterns over the same surface, along rows and then along columns, as often as the settings say.
 ///
@@ -11,10 +12,24 @@ use super::{Channels, FrameReceiver, GeometryBuffer, MAX_LIGHTS, TraceResolution
 pub fn denoise(geometry: &GeometryBuffer, noisy: Vec<Channels>, settings: &TraceSettings) -> Vec<Channels> {
     let resolution = settings.resolution;
     let filter = |picture: Vec<Channels>, along| {
-        let line = |pixel| denoise_line(geometry, &picture, resolution, pixel, along);
+        let line = |pixel| {
+            let filtered = denoise_line(geometry, &picture, resolution, pixel, along);
+            filtered.map(|occlusion| stored(occlusion + dither(pixel)))
+        };
         pixels(resolution.traced_size(geometry.size)).map(line).collect()
     };
     (0..settings.clamped().denoise_passes).fold(noisy, |picture, _| filter(filter(picture, IVec2::X), IVec2::Y))
+}
+
+/// What a byte keeps of a share.
+pub(super) fn stored(share: f32) -> f32 {
+    (share.clamp(0.0, 1.0) * 255.0).round() / 255.0
+}
+
+/// What is added before a value becomes a byte, so that the bytes of a surface are right in their mean: less than half a step, so
+/// that 0 and 1 stay what they are.
+fn dither(pixel: UVec2) -> f32 {
+    (interleave_index(pixel.x, pixel.y, 3) as f32 - 31.5) / 64.0 / 255.0
 }
 
 /// Taps to either side.
@@ -30,7 +45,8 @@ fn denoise_line(
     let size = resolution.traced_size(geometry.size);
     let last = size.as_ivec2() - 1;
     let center = geometry.receiver_at(pixel * resolution.scale());
-    let mut sum = noisy[index(pixel, size)];
+    let own = noisy[index(pixel, size)];
+    let mut sum = own;
     let mut total = [1.0; 1 + MAX_LIGHTS];
     if center.depth > 0.0 {
         let footprint = pixel_footprint(geometry, resolution, pixel * resolution.scale(), &center);
@@ -43,7 +59,7 @@ fn denoise_line(
             let neighbor = geometry.receiver_at(at * resolution.scale());
             let same = bilateral_weight(&center, &neighbor, footprint);
             for (channel, found) in noisy[index(at, size)].iter().enumerate() {
-                let weight = pattern_weight(offset, channel) * same;
+                let weight = pattern_weight(offset, channel) * likeness(own[channel], *found, channel) * same;
                 sum[channel] += found * weight;
                 total[channel] += weight;
             }
@@ -60,6 +76,15 @@ fn pattern_weight(offset: i32, channel: usize) -> f32 {
         (0, _) | (_, 0 | 1) => 1.0,
         _ => 0.0,
     }
+}
+
+/// 1 over the difference up to which taps count fully; at twice that they do not.
+const LIKENESS: f32 = 3.0;
+
+/// How far what a tap found can be the same as what the centre found, but for noise: across the edge of a shadow it is not.
+/// Ambient occlusion has no such edges.
+fn likeness(center: f32, found: f32, channel: usize) -> f32 {
+    if channel == 0 { 1.0 } else { (2.0 - (found - center).abs() * LIKENESS).clamp(0.0, 1.0) }
 }
 
 /// How far a neighbour lies on the same surface, from 1 to 0 across depth edges and creases. `footprint` is the width of a

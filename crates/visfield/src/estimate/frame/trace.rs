@@ -2,6 +2,7 @@
 
 use glam::{UVec2, Vec3};
 
+use super::denoise::stored;
 use super::tiles::within_reach;
 use super::{Channels, FrameOccluder, FrameReceiver, GeometryBuffer, MAX_LIGHTS, TraceSettings, masked, pixels};
 use crate::estimate::caps::CapOccluder;
@@ -71,7 +72,7 @@ pub fn trace(
                 .collect();
             *occlusion = blocked_share(&rays, residue, &met, &settings);
         }
-        occlusion
+        occlusion.map(stored)
     };
     pixels(settings.resolution.traced_size(geometry.size)).map(trace_pixel).collect()
 }
