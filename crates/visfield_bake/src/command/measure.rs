@@ -9,6 +9,7 @@ use visfield::field::lookup::Aim;
 use visfield::field::query::Bias;
 use visfield::{CapGridFormat, QueryOptions};
 use visfield_bake::measure::ambient::AmbientSpeed;
+use visfield_bake::measure::gpu::{GpuQuestion, MOST_RAYS, measure_gpu};
 use visfield_bake::measure::many::{ManyQuestion, measure_many};
 use visfield_bake::measure::paper2008::{Paper2008Question, paper2008};
 use visfield_bake::measure::picture::{Pictures, corner_pictures};
@@ -19,7 +20,7 @@ use visfield_bake::measure::{
 };
 use visfield_bake::{BakeError, Mesh, read_meshes};
 
-use super::settings::{FieldArguments, one_representation, points};
+use super::settings::{FieldArguments, one_representation, points, side};
 use super::{CommandError, check_output};
 
 /// Measure what a field costs and what it gets wrong: the same rays through a table and through triangles (crate obvhs), or a cap
@@ -37,6 +38,7 @@ enum What {
     Paper2008(Paper),
     Tradeoff(Tradeoffs),
     Many(Objects),
+    Gpu(OnGpu),
 }
 
 #[derive(Debug, Args)]
@@ -284,6 +286,32 @@ struct Objects {
     output: Output,
 }
 
+/// Two fields of a mesh on the fastest GPU that there is, or on a software adapter: look-ups beside what limits them, and rays
+/// beside any-hit traversal of a compressed wide BVH in a shader, all of them the same rays.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Example:
+  visfield measure gpu --mesh bunny.obj --json gpu.json
+
+The rays are those of the 2008 paper's corner that meet the field's bounds. `gather limit` reads random bytes of the same table and
+does nothing else; `arithmetic limit` does everything but read the byte. Look-ups cannot be faster than the lower of the two. Errors
+are of ambient occlusion, against the same rays through triangles.")]
+struct OnGpu {
+    #[command(flatten)]
+    mesh: MeshArguments,
+    /// Side of the small table's grid of points at which rays enter the bounds; the large one is of 65\u{b2} \u{d7} 64\u{b2} bytes
+    #[arg(long, value_name = "CELLS", default_value_t = GpuQuestion::default().small.0, value_parser = side())]
+    entries: u32,
+    /// Side of the small table's grid of points at which rays leave the bounds
+    #[arg(long, value_name = "CELLS", default_value_t = GpuQuestion::default().small.1, value_parser = side())]
+    exits: u32,
+    /// About how many rays, 1024 to 4,000,000 [default: as many as the adapter traces in a while]
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u32).range(1024..=i64::from(MOST_RAYS)))]
+    rays: Option<u32>,
+    #[command(flatten)]
+    output: Output,
+}
+
 impl Arguments {
     pub(super) fn run(&self) -> Result<String, CommandError> {
         match &self.what {
@@ -292,6 +320,7 @@ impl Arguments {
             What::Paper2008(arguments) => arguments.run(),
             What::Tradeoff(arguments) => arguments.run(),
             What::Many(arguments) => arguments.run(),
+            What::Gpu(arguments) => arguments.run(),
         }
     }
 }
@@ -402,6 +431,19 @@ impl Objects {
             .map_err(|source| CommandError::Bake { path: self.meshes[0].clone(), source })?;
         let text = measurement.table();
         self.output.write(|| Ok(MeasurementDocument::Many(Box::new(measurement))))?;
+        Ok(text)
+    }
+}
+
+impl OnGpu {
+    fn run(&self) -> Result<String, CommandError> {
+        self.output.check(std::slice::from_ref(&self.mesh.mesh))?;
+        let mesh = self.mesh.read()?;
+        let question = GpuQuestion { small: (self.entries, self.exits), rays: self.rays, ..GpuQuestion::default() };
+        let measurement = with_progress(|progress| measure_gpu(&mesh, &question, progress))
+            .map_err(|source| CommandError::Gpu { path: self.mesh.mesh.clone(), source: Box::new(source) })?;
+        let text = measurement.table();
+        self.output.write(|| Ok(MeasurementDocument::Gpu(Box::new(measurement))))?;
         Ok(text)
     }
 }

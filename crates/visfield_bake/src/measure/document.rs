@@ -10,6 +10,7 @@ use thiserror::Error;
 use visfield::file::FileError;
 
 use super::ambient::AmbientMeasurement;
+use super::gpu::GpuMeasurement;
 use super::many::Many;
 use super::paper2008::Paper2008;
 use super::picture::Pictures;
@@ -57,10 +58,12 @@ pub enum MeasurementDocument {
     Tradeoff(Box<Tradeoff>),
     /// Ambient occlusion by several objects at once.
     Many(Box<Many>),
+    /// Rays through two fields and through triangles on a GPU.
+    Gpu(Box<GpuMeasurement>),
 }
 
 /// The names of [`MeasurementDocument`]'s variants, as `kind` has them.
-const KINDS: [&str; 5] = ["ambient", "shadow", "paper2008", "tradeoff", "many"];
+const KINDS: [&str; 6] = ["ambient", "shadow", "paper2008", "tradeoff", "many", "gpu"];
 
 #[derive(Serialize)]
 struct Versioned<'a> {

@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use super::plot::{Mark, Plot, Series};
 use super::{pictures, table};
+use crate::measure::gpu::GpuMeasurement;
 use crate::measure::many::Many;
 use crate::measure::paper2008::published::{FIGURE6, FIGURE8, PublishedCell};
 use crate::measure::paper2008::{Finding, Model, Paper2008, TableSize};
@@ -63,6 +64,13 @@ pub(super) fn many(many: &Many) -> Markup {
         p { (many.summary()) }
         (table(&many.cells()))
         @if let Some(drawn) = &many.pictures { (pictures(drawn, Many::SHOWN, true)) }
+    }
+}
+
+pub(super) fn gpu(gpu: &GpuMeasurement) -> Markup {
+    html! {
+        p { (gpu.summary()) }
+        (table(&gpu.cells()))
     }
 }
 

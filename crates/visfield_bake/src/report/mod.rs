@@ -64,6 +64,7 @@ fn mesh(document: &MeasurementDocument) -> &str {
         MeasurementDocument::Paper2008(paper) => &paper.mesh,
         MeasurementDocument::Tradeoff(tradeoff) => &tradeoff.mesh,
         MeasurementDocument::Many(many) => &many.mesh,
+        MeasurementDocument::Gpu(gpu) => &gpu.mesh,
     }
 }
 
@@ -78,6 +79,7 @@ fn section(entry: &ReportEntry) -> Markup {
         MeasurementDocument::Paper2008(paper) => ("The figures of the 2008 paper", figures::paper2008(paper)),
         MeasurementDocument::Tradeoff(tradeoff) => ("What accuracy costs", figures::tradeoff(tradeoff)),
         MeasurementDocument::Many(many) => ("Several objects", figures::many(many)),
+        MeasurementDocument::Gpu(gpu) => ("On a GPU", figures::gpu(gpu)),
     };
     html! {
         section {
