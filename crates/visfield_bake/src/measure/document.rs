@@ -13,6 +13,7 @@ use super::ambient::AmbientMeasurement;
 use super::gpu::GpuMeasurement;
 use super::many::Many;
 use super::paper2008::Paper2008;
+use super::paper2010::Paper2010;
 use super::picture::Pictures;
 use super::shadow::ShadowMeasurement;
 use super::tradeoff::Tradeoff;
@@ -60,10 +61,12 @@ pub enum MeasurementDocument {
     Many(Box<Many>),
     /// Rays through two fields and through triangles on a GPU.
     Gpu(Box<GpuMeasurement>),
+    /// The figures of the 2010 paper, on a GPU.
+    Paper2010(Box<Paper2010>),
 }
 
 /// The names of [`MeasurementDocument`]'s variants, as `kind` has them.
-const KINDS: [&str; 6] = ["ambient", "shadow", "paper2008", "tradeoff", "many", "gpu"];
+const KINDS: [&str; 7] = ["ambient", "shadow", "paper2008", "tradeoff", "many", "gpu", "paper2010"];
 
 #[derive(Serialize)]
 struct Versioned<'a> {

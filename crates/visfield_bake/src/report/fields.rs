@@ -171,7 +171,8 @@ impl<'a> Compared<'a> {
             MeasurementDocument::Paper2008(_)
             | MeasurementDocument::Tradeoff(_)
             | MeasurementDocument::Many(_)
-            | MeasurementDocument::Gpu(_) => None,
+            | MeasurementDocument::Gpu(_)
+            | MeasurementDocument::Paper2010(_) => None,
         }
     }
 }

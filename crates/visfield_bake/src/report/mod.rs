@@ -65,6 +65,7 @@ fn mesh(document: &MeasurementDocument) -> &str {
         MeasurementDocument::Tradeoff(tradeoff) => &tradeoff.mesh,
         MeasurementDocument::Many(many) => &many.mesh,
         MeasurementDocument::Gpu(gpu) => &gpu.mesh,
+        MeasurementDocument::Paper2010(paper) => &paper.mesh,
     }
 }
 
@@ -80,6 +81,7 @@ fn section(entry: &ReportEntry) -> Markup {
         MeasurementDocument::Tradeoff(tradeoff) => ("What accuracy costs", figures::tradeoff(tradeoff)),
         MeasurementDocument::Many(many) => ("Several objects", figures::many(many)),
         MeasurementDocument::Gpu(gpu) => ("On a GPU", figures::gpu(gpu)),
+        MeasurementDocument::Paper2010(paper) => ("The figures of the 2010 paper", figures::paper2010(paper)),
     };
     html! {
         section {

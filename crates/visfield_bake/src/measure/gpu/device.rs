@@ -90,6 +90,11 @@ impl Gpu {
         Ok(Self { device, queue, info, timestamps })
     }
 
+    /// Whether the adapter runs on the processor.
+    pub(in crate::measure) fn is_software(&self) -> bool {
+        self.info.device_type == wgpu::DeviceType::Cpu
+    }
+
     /// How time is told, in words.
     pub(in crate::measure) fn timer(&self) -> &'static str {
         if self.timestamps.is_some() { "timestamps of the adapter" } else { "wall time" }

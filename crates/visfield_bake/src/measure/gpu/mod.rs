@@ -13,11 +13,12 @@ use serde::{Deserialize, Serialize};
 use visfield::VisibilityField;
 use visfield::estimate::Receiver;
 
-use self::bvh::Bvh;
+pub(in crate::measure) use self::bvh::Bvh;
 pub use self::device::GpuError;
 pub(in crate::measure) use self::device::{Gpu, Kernel, TIMINGS};
 use self::field::FieldKernels;
 use self::rays::MeetingRays;
+pub(in crate::measure) use self::rays::triangle_words;
 use super::progress::Progress;
 use super::scene::MeasureScene;
 use crate::bake::{BakeError, BakeSettings};
@@ -145,7 +146,7 @@ pub fn measure_gpu(
     let scene = ExactScene::of_mesh(mesh).map_err(mesh_error)?;
     let bvh = Bvh::new(&gpu, &scene);
     let rays = choose_rays(&gpu, &bvh, &scene, &fields[0], &receivers, question.rays);
-    let trace = bvh.trace(&gpu, &rays);
+    let trace = bvh.trace(&gpu, &triangle_words(&rays.set));
     let field_kernels = FieldKernels::of_all(&gpu, &fields, &rays)?;
 
     let exact = rays.set.exact_answers(scene.triangles());
@@ -192,7 +193,7 @@ fn choose_rays(
     const FEW: u32 = 32;
     let few = MeetingRays::new(scene, field, receivers, FEW);
     let wanted = wanted.unwrap_or_else(|| {
-        let trace = bvh.trace(gpu, &few);
+        let trace = bvh.trace(gpu, &triangle_words(&few.set));
         let rate = few.count() as f64 / gpu.race(&[&trace.kernel], || ())[0];
         // Saturates.
         ((rate * LONGEST) as u32).clamp(FEWEST_RAYS, MOST_RAYS)

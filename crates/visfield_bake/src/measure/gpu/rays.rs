@@ -8,6 +8,7 @@ use visfield::{QueryOptions, Ray, VisibilityField};
 use crate::exact::ExactScene;
 use crate::measure::scene::hemisphere_directions;
 use crate::measure::speed::{AskedField, RaySet, meets_bounds};
+use crate::triangles::PreparedRay;
 
 /// What stands for rays without end in shaders: WGSL has no portable infinity (`NO_HIT` of `field.wgsl`).
 const NO_END: f32 = 3.0e38;
@@ -15,7 +16,7 @@ const NO_END: f32 = 3.0e38;
 /// A ray as kernels read it, `ListedRay` in `rays.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub(super) struct RayWords {
+pub(in crate::measure) struct RayWords {
     origin: [f32; 3],
     receiver: u32,
     direction: [f32; 3],
@@ -66,14 +67,6 @@ impl MeetingRays {
         words
     }
 
-    pub(super) fn triangle_words(&self) -> Vec<RayWords> {
-        let words = |ray: &crate::PreparedRay| {
-            let (origin, direction, t_max) = ray.words();
-            RayWords { origin, receiver: 0, direction, t_max: t_max.min(NO_END) }
-        };
-        self.set.exact.iter().map(words).collect()
-    }
-
     /// The normal of each receiver in field space.
     pub(super) fn normals(&self) -> Vec<[f32; 4]> {
         self.set.receivers.iter().map(|(_, options)| options.normal.extend(0.0).to_array()).collect()
@@ -84,4 +77,13 @@ impl MeetingRays {
         let hits = |range: &std::ops::Range<usize>| occluded[range.clone()].iter().filter(|&&hit| hit).count();
         self.set.receivers.iter().map(|(range, _)| hits(range) as f32 / self.rays_per_receiver as f32).collect()
     }
+}
+
+/// Rays as they are traced through triangles.
+pub(in crate::measure) fn triangle_words(set: &RaySet) -> Vec<RayWords> {
+    let words = |ray: &PreparedRay| {
+        let (origin, direction, t_max) = ray.words();
+        RayWords { origin, receiver: 0, direction, t_max: t_max.min(NO_END) }
+    };
+    set.exact.iter().map(words).collect()
 }
