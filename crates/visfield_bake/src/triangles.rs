@@ -61,6 +61,25 @@ pub struct PreparedRay {
 /// t = 10⁻⁴.
 const SIZE: i32 = 10;
 
+/// A BVH as a shader reads it.
+#[cfg(feature = "command")]
+pub(crate) struct BvhWords {
+    /// 20 for each node, as `obvhs` lays them out: the paper's 80 bytes.
+    pub(crate) nodes: Vec<u32>,
+    /// 12 for each triangle, in the order of the leaves: a corner, the edges `v0 − v1` and `v2 − v0`, and after each of the three
+    /// a component of their cross product.
+    pub(crate) triangles: Vec<f32>,
+}
+
+#[cfg(feature = "command")]
+impl PreparedRay {
+    /// Origin, unit direction and end, as the shader's triangles are scaled.
+    pub(crate) fn words(&self) -> ([f32; 3], [f32; 3], f32) {
+        let Ray { origin, direction, tmax, .. } = self.ray;
+        (origin.to_array(), direction.to_array(), tmax)
+    }
+}
+
 impl TriangleBvh {
     /// Builds the BVH over triangles with finite corners, which are rounded to `f32`.
     pub fn new(corners: &[[DVec3; 3]]) -> Self {
@@ -80,6 +99,18 @@ impl TriangleBvh {
         let leaves = bvh.iter().flat_map(|bvh| &bvh.primitive_indices);
         let triangles = leaves.map(|&i| RtTriangle::from(&soup[i as usize])).collect();
         Self { bvh, triangles, scale: scale as f32, extent: extent as f32 }
+    }
+
+    /// What [`occluded_prepared`](Self::occluded_prepared) reads, for a shader that does the same.
+    #[cfg(feature = "command")]
+    pub(crate) fn words(&self) -> BvhWords {
+        let nodes = self.bvh.iter().flat_map(|bvh| bytemuck::cast_slice::<_, u32>(&bvh.nodes)).copied().collect();
+        let triangle = |t: &RtTriangle| {
+            let corners = [t.v0, t.e1, t.e2].map(|v| v.to_array());
+            let normal = t.ng.to_array();
+            [0, 1, 2].map(|i| [corners[i][0], corners[i][1], corners[i][2], normal[i]])
+        };
+        BvhWords { nodes, triangles: self.triangles.iter().flat_map(triangle).flatten().collect() }
     }
 
     /// The largest coordinate of any corner, as an absolute value: what the rounding of hits scales with.

@@ -1,5 +1,7 @@
 //! `visfield measure`: what a field costs and what it gets wrong, against exact rays.
 
+mod gpu;
+
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
@@ -19,6 +21,7 @@ use visfield_bake::measure::{
 };
 use visfield_bake::{BakeError, Mesh, read_meshes};
 
+use self::gpu::{OnGpu, PaperOnGpu};
 use super::settings::{FieldArguments, one_representation, points};
 use super::{CommandError, check_output};
 
@@ -37,6 +40,8 @@ enum What {
     Paper2008(Paper),
     Tradeoff(Tradeoffs),
     Many(Objects),
+    Gpu(OnGpu),
+    Paper2010(PaperOnGpu),
 }
 
 #[derive(Debug, Args)]
@@ -292,6 +297,8 @@ impl Arguments {
             What::Paper2008(arguments) => arguments.run(),
             What::Tradeoff(arguments) => arguments.run(),
             What::Many(arguments) => arguments.run(),
+            What::Gpu(arguments) => arguments.run(),
+            What::Paper2010(arguments) => arguments.run(),
         }
     }
 }

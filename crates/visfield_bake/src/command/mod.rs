@@ -15,6 +15,7 @@ use clap::{Parser, Subcommand};
 use thiserror::Error;
 use visfield::file::FileError;
 use visfield_bake::measure::document::DocumentError;
+use visfield_bake::measure::gpu::GpuError;
 use visfield_bake::tune::TuneError;
 use visfield_bake::{BakeError, ReadError};
 
@@ -58,6 +59,8 @@ pub(crate) enum CommandError {
     Read(#[from] ReadError),
     #[error("{path}: {source}")]
     Bake { path: PathBuf, source: BakeError },
+    #[error("{path}: {source}")]
+    Gpu { path: PathBuf, source: Box<GpuError> },
     #[error("{path}: {source}; nothing is written")]
     Tune { path: PathBuf, source: Box<TuneError> },
     #[error("{path}: choose one of its meshes with --primitive NAME: {names}")]

@@ -67,7 +67,8 @@ struct CapGridArguments {
     precision: PrecisionName,
 }
 
-fn side() -> clap::builder::RangedI64ValueParser<u32> {
+/// The side of a table's grid.
+pub(super) fn side() -> clap::builder::RangedI64ValueParser<u32> {
     clap::value_parser!(u32).range(1..=i64::from(MAX_SIDE))
 }
 

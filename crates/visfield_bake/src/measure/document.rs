@@ -10,8 +10,10 @@ use thiserror::Error;
 use visfield::file::FileError;
 
 use super::ambient::AmbientMeasurement;
+use super::gpu::GpuMeasurement;
 use super::many::Many;
 use super::paper2008::Paper2008;
+use super::paper2010::Paper2010;
 use super::picture::Pictures;
 use super::shadow::ShadowMeasurement;
 use super::tradeoff::Tradeoff;
@@ -57,10 +59,14 @@ pub enum MeasurementDocument {
     Tradeoff(Box<Tradeoff>),
     /// Ambient occlusion by several objects at once.
     Many(Box<Many>),
+    /// Rays through two fields and through triangles on a GPU.
+    Gpu(Box<GpuMeasurement>),
+    /// The figures of the 2010 paper, on a GPU.
+    Paper2010(Box<Paper2010>),
 }
 
 /// The names of [`MeasurementDocument`]'s variants, as `kind` has them.
-const KINDS: [&str; 5] = ["ambient", "shadow", "paper2008", "tradeoff", "many"];
+const KINDS: [&str; 7] = ["ambient", "shadow", "paper2008", "tradeoff", "many", "gpu", "paper2010"];
 
 #[derive(Serialize)]
 struct Versioned<'a> {

@@ -223,7 +223,18 @@ pub(crate) struct MeasuredLight {
 
 impl MeasuredLight {
     pub(crate) fn new(angular_radius: f32, rays: u32) -> Self {
-        Self { disc: DiscBasis::new(TO_LIGHT.normalize(), angular_radius), samples: disc_samples(rays.max(1)) }
+        Self::towards(TO_LIGHT, angular_radius, rays)
+    }
+
+    /// A light elsewhere.
+    pub(crate) fn towards(to_light: Vec3, angular_radius: f32, rays: u32) -> Self {
+        Self { disc: DiscBasis::new(to_light.normalize(), angular_radius), samples: disc_samples(rays.max(1)) }
+    }
+
+    /// The disc of its directions.
+    #[cfg(feature = "command")]
+    pub(crate) fn disc(&self) -> &DiscBasis {
+        &self.disc
     }
 
     /// Unit vectors to the samples above a receiver's horizon, as `DirectionalShadow::rays_above` has them, in a pattern that

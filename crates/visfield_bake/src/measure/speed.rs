@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use glam::{DAffine3, DVec3, Vec3};
 use visfield::estimate::Receiver;
+use visfield::field::chord::chord;
 use visfield::scene::Placement;
 use visfield::{QueryOptions, Ray, VisibilityField};
 
@@ -55,14 +56,10 @@ impl RaySet {
 
     /// Only the rays that meet the field's bounds, ahead of their origins.
     pub(super) fn meeting_bounds(&self) -> Self {
-        let meets = |ray: &Ray| {
-            let chord = visfield::field::chord::chord(ray.origin, ray.direction);
-            chord.is_some_and(|chord| chord.t_exit() > 0.0)
-        };
         let mut set = Self { field: Vec::new(), exact: Vec::new(), receivers: Vec::new() };
         for (range, options) in &self.receivers {
             let first = set.field.len();
-            for i in range.clone().filter(|&i| meets(&self.field[i])) {
+            for i in range.clone().filter(|&i| meets_bounds(&self.field[i])) {
                 set.field.push(self.field[i]);
                 set.exact.push(self.exact[i]);
             }
@@ -111,6 +108,11 @@ impl RaySet {
         let mut ask_triangles = || self.ask_triangles(triangles, black_box(&mut by_triangles));
         race([&mut ask_field, &mut ask_triangles]).into()
     }
+}
+
+/// Whether a ray in field space meets the field's bounds ahead of its origin.
+pub(super) fn meets_bounds(ray: &Ray) -> bool {
+    chord(ray.origin, ray.direction).is_some_and(|chord| chord.t_exit() > 0.0)
 }
 
 /// A field in the space of its mesh, asked near the mesh's own centre: neither where the mesh lies nor its units cost digits.
@@ -185,7 +187,8 @@ pub(super) fn seconds<T>(mut work: impl FnMut() -> T) -> f64 {
     unreachable!("time passes")
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+/// The middle one.
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
 }

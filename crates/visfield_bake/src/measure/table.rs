@@ -52,3 +52,8 @@ pub(crate) fn seconds(seconds: f64) -> String {
 pub(crate) fn count(count: u64) -> String {
     HumanCount(count).to_string()
 }
+
+/// Millions per second, as 12.3 M/s.
+pub(crate) fn mega(rate: f64) -> String {
+    format!("{:.1} M/s", rate * 1e-6)
+}

@@ -9,7 +9,7 @@ use crate::measure::document::MeasurementDocument;
 use crate::measure::picture::Pictures;
 use crate::measure::scene::MeasureScene;
 use crate::measure::shadow::ShadowMeasurement;
-use crate::measure::table::{Cells, bytes, count, seconds};
+use crate::measure::table::{Cells, bytes, count, mega, seconds};
 
 type Quantities = Vec<(&'static str, String)>;
 
@@ -68,10 +68,6 @@ fn quantities(all: &Quantities) -> Markup {
 
 fn field(representation: &str, size: &str, encoding: &str, bounds: &str) -> String {
     format!("{representation} {size}, {encoding}, {bounds}")
-}
-
-fn mega(rate: f64) -> String {
-    format!("{:.1} M/s", rate * 1e-6)
 }
 
 fn rays(all: u64, meeting: u64, occluded: f64) -> String {
@@ -172,7 +168,11 @@ impl<'a> Compared<'a> {
                 mean_abs_truth: m.mean_abs_truth,
                 speed: m.speed,
             }),
-            MeasurementDocument::Paper2008(_) | MeasurementDocument::Tradeoff(_) | MeasurementDocument::Many(_) => None,
+            MeasurementDocument::Paper2008(_)
+            | MeasurementDocument::Tradeoff(_)
+            | MeasurementDocument::Many(_)
+            | MeasurementDocument::Gpu(_)
+            | MeasurementDocument::Paper2010(_) => None,
         }
     }
 }

@@ -4,9 +4,11 @@ use maud::{Markup, html};
 
 use super::plot::{Mark, Plot, Series};
 use super::{pictures, table};
+use crate::measure::gpu::GpuMeasurement;
 use crate::measure::many::Many;
 use crate::measure::paper2008::published::{FIGURE6, FIGURE8, PublishedCell};
 use crate::measure::paper2008::{Finding, Model, Paper2008, TableSize};
+use crate::measure::paper2010::Paper2010;
 use crate::measure::table::count;
 use crate::measure::tradeoff::{FOOTNOTE, Tradeoff, TradeoffPoint};
 
@@ -63,6 +65,24 @@ pub(super) fn many(many: &Many) -> Markup {
         p { (many.summary()) }
         (table(&many.cells()))
         @if let Some(drawn) = &many.pictures { (pictures(drawn, Many::SHOWN, true)) }
+    }
+}
+
+pub(super) fn gpu(gpu: &GpuMeasurement) -> Markup {
+    html! {
+        p { (gpu.summary()) }
+        (table(&gpu.cells()))
+    }
+}
+
+pub(super) fn paper2010(paper: &Paper2010) -> Markup {
+    html! {
+        p { (paper.summary()) }
+        @for (title, cells, found) in paper.figures() {
+            h3 { (title) }
+            (table(&cells))
+            (findings(&found))
+        }
     }
 }
 

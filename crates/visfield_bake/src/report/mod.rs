@@ -64,6 +64,8 @@ fn mesh(document: &MeasurementDocument) -> &str {
         MeasurementDocument::Paper2008(paper) => &paper.mesh,
         MeasurementDocument::Tradeoff(tradeoff) => &tradeoff.mesh,
         MeasurementDocument::Many(many) => &many.mesh,
+        MeasurementDocument::Gpu(gpu) => &gpu.mesh,
+        MeasurementDocument::Paper2010(paper) => &paper.mesh,
     }
 }
 
@@ -78,6 +80,8 @@ fn section(entry: &ReportEntry) -> Markup {
         MeasurementDocument::Paper2008(paper) => ("The figures of the 2008 paper", figures::paper2008(paper)),
         MeasurementDocument::Tradeoff(tradeoff) => ("What accuracy costs", figures::tradeoff(tradeoff)),
         MeasurementDocument::Many(many) => ("Several objects", figures::many(many)),
+        MeasurementDocument::Gpu(gpu) => ("On a GPU", figures::gpu(gpu)),
+        MeasurementDocument::Paper2010(paper) => ("The figures of the 2010 paper", figures::paper2010(paper)),
     };
     html! {
         section {

@@ -7,6 +7,7 @@ mod cap_shapes;
 mod closed_forms;
 mod command;
 mod example_assets;
+mod gpu;
 mod measure_report;
 mod own_surface;
 mod real_meshes;

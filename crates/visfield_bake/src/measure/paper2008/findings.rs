@@ -16,7 +16,7 @@ pub struct Finding {
 
 impl Finding {
     /// `why` is only said where they differ. Nothing here measures reasons, so it is called likely.
-    fn new(agrees: bool, text: String, why: &str) -> Self {
+    pub(in crate::measure) fn new(agrees: bool, text: String, why: &str) -> Self {
         let text = if agrees || why.is_empty() { text } else { format!("{text} Likely reason: {why}") };
         Self { agrees, text }
     }

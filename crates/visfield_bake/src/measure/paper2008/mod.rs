@@ -5,8 +5,8 @@
 
 mod findings;
 pub mod published;
-mod several;
-mod table;
+pub(super) mod several;
+pub(super) mod table;
 
 use std::time::Instant;
 
@@ -287,7 +287,7 @@ fn hemisphere((positions, directions): Maps, map: DirectionMap, encoding: Encodi
 }
 
 /// As many bytes, or as near as a square of entries comes: 290 positions are 17² entries and one more.
-fn two_point((positions, directions): Maps) -> BakeSettings {
+pub(super) fn two_point((positions, directions): Maps) -> BakeSettings {
     BakeSettings::two_point(positions.isqrt(), directions)
 }
 

@@ -144,7 +144,7 @@ impl Method {
 }
 
 /// The first mesh as it is, the others smaller, beside it on the same floor.
-fn placed(meshes: [&Mesh; 3]) -> Result<Vec<Mesh>, BakeError> {
+pub(in crate::measure) fn placed(meshes: [&Mesh; 3]) -> Result<Vec<Mesh>, BakeError> {
     let of = |mesh: &Mesh| {
         let mesh_error = |source| BakeError::Mesh { name: mesh.name.clone(), source };
         let bounds = bounding_sphere(mesh).map_err(mesh_error)?;

@@ -150,7 +150,8 @@ fn row8(name: &str, triangles: u32, rays: u64, exact: f64, methods: [Option<(f64
     row
 }
 
-fn list(findings: &[Finding]) -> String {
+/// Findings as lines of text.
+pub(in crate::measure) fn list(findings: &[Finding]) -> String {
     findings.iter().fold(String::new(), |mut list, finding| {
         let verdict = if finding.agrees { "agrees" } else { "differs" };
         _ = writeln!(list, "  [{verdict}] {}", finding.text);
