@@ -1,5 +1,6 @@
 //! Whole frames of Bevy apps, without a window.
 
+mod accumulated;
 mod adapter;
 mod end_to_end;
 mod lights;
@@ -7,5 +8,6 @@ mod loss;
 mod probe;
 mod real_meshes;
 mod receivers;
+mod settings;
 mod stage;
 mod truth;

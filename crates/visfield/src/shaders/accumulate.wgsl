@@ -9,6 +9,9 @@
 @group(0) @binding(5) var motion_texture: texture_2d<f32>;
 @group(0) @binding(6) var accumulated_texture: texture_storage_2d<rgba16float, write>;
 
+// Half over the difference up to which what was accumulated counts fully; at three times that it does not.
+const LIKENESS: f32 = 10.0;
+
 fn texel_in_page(pixel: vec2<i32>, page: u32) -> vec2<i32> {
     let within = clamp(pixel, vec2<i32>(0), vec2<i32>(frame.trace_size) - 1);
     return within + vec2<i32>(0, i32(page * frame.trace_size.y));
@@ -53,6 +56,9 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let seen = all(place > vec2<f32>(-0.5)) && all(place < vec2<f32>(frame.trace_size) - 0.5);
     let history = clamp(history_at(place, page), low, high);
-    let accumulated = mix(history, current, select(1.0, frame.blend, seen));
+    // What differs by more than noise does has changed.
+    let unchanged = clamp(1.5 - abs(history - current) * LIKENESS, vec4<f32>(0.0), vec4<f32>(1.0));
+    let blend = 1.0 - (1.0 - frame.blend) * select(vec4<f32>(0.0), unchanged, seen);
+    let accumulated = mix(history, current, blend);
     textureStore(accumulated_texture, texel_in_page(at, page), accumulated);
 }

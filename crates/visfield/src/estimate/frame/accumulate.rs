@@ -7,6 +7,9 @@ use super::{Channels, GeometryBuffer, TraceResolution, index, pixels};
 /// How much a new frame counts against those before it. About eight frames are seen at once.
 pub const BLEND: f32 = 0.15;
 
+/// Half over the difference up to which what was accumulated counts fully; at three times that it does not.
+const LIKENESS: f32 = 10.0;
+
 /// Joins a filtered frame with what was accumulated before it, each of which sent other rays. What was accumulated moves with its
 /// surface, and counts only as far as this frame's neighbourhood could show it too, so that shadows that have left do not stay
 /// behind. `motion` is how far each pixel of the viewport moved since the frame before, as a share of the viewport.
@@ -43,10 +46,12 @@ pub fn accumulate(
             high = std::array::from_fn(|channel| high[channel].max(neighbor[channel]));
         }
         let seen = place.cmpgt(Vec2::splat(-0.5)).all() && place.cmplt(size.as_vec2() - 0.5).all();
-        let blend = if seen { BLEND } else { 1.0 };
         let history = history_at(history, size, place);
         std::array::from_fn(|channel| {
             let clamped = history[channel].clamp(low[channel], high[channel]);
+            // What differs by more than noise does has changed.
+            let unchanged = (1.5 - (clamped - current[channel]).abs() * LIKENESS).clamp(0.0, 1.0);
+            let blend = 1.0 - (1.0 - BLEND) * if seen { unchanged } else { 0.0 };
             clamped * (1.0 - blend) + current[channel] * blend
         })
     };
