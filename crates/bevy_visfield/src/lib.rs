@@ -49,6 +49,8 @@ pub mod bake;
 mod components;
 mod debug;
 mod diagnose;
+#[cfg(feature = "gizmos")]
+mod gizmos;
 mod no_shadow;
 mod receivers;
 mod render;
@@ -63,6 +65,8 @@ pub use components::{
     NotFieldShadowCaster, OcclusionEstimator, OcclusionFalloff, ScreenSpaceOcclusion, VisibilityField3d,
 };
 pub use debug::FieldDebugView;
+#[cfg(feature = "gizmos")]
+pub use gizmos::FieldBoundsGizmos;
 pub use no_shadow::{FieldShadowDiagnosis, NoShadow, why_no_shadow};
 pub use receivers::{NotFieldReceiver, OwnSurfaceOcclusion};
 pub use render::{FieldLevel, FieldMemoryBudget, FieldOcclusionFrame, FieldOcclusionSystems, FieldResidency};
@@ -109,6 +113,10 @@ impl Plugin for VisibilityFieldPlugin {
             .add_plugins((render::plugin, debug::plugin, diagnose::plugin));
         #[cfg(feature = "bake")]
         app.add_plugins(bake::plugin);
+        #[cfg(feature = "gizmos")]
+        if app.is_plugin_added::<bevy::gizmos::GizmoPlugin>() {
+            app.add_plugins(gizmos::plugin);
+        }
     }
 
     fn finish(&self, app: &mut App) {
