@@ -158,8 +158,8 @@ fn spawn_camera(commands: &mut Commands, bay: Bay, target: &Target) {
     }
     let camera = camera.id();
     let shadows = match bay {
-        Bay { source: ShadowSource::Fields, .. } => "visibility fields",
-        Bay { kind: LightKind::Rect, .. } => "Bevy has no shadow for it",
+        Bay { source: ShadowSource::Fields, .. } => "fields",
+        Bay { kind: LightKind::Rect, .. } => "no map in Bevy",
         _ => "shadow map",
     };
     commands.spawn(label(camera, format!("{}: {shadows}", bay.kind.name())));

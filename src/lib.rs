@@ -4,4 +4,6 @@ pub mod headless;
 pub mod light_bays;
 pub mod moving_objects;
 pub mod panes;
+pub mod probe;
 pub mod recording;
+pub mod reference;

@@ -115,8 +115,8 @@ impl Bay {
 
     /// Where its camera is.
     pub fn camera_transform(self) -> Transform {
-        let eye = self.place() + Vec3::new(-0.9, 2.5, 6.6);
-        Transform::from_translation(eye).looking_at(self.place() + Vec3::new(0.0, 1.32, -0.2), Vec3::Y)
+        let eye = self.place() + Vec3::new(-0.8, 2.2, 5.3);
+        Transform::from_translation(eye).looking_at(self.place() + Vec3::new(-0.08, 1.28, -0.2), Vec3::Y)
     }
 }
 

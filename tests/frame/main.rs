@@ -3,8 +3,8 @@
 mod adapter;
 mod end_to_end;
 mod lights;
+mod lights_exact;
 mod loss;
-mod probe;
 mod real_meshes;
 mod receivers;
 mod stage;
