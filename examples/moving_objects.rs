@@ -27,26 +27,17 @@ use bevy::prelude::*;
 use bevy_visfield::bake::to_bevy_mesh;
 use bevy_visfield::prelude::*;
 use clap::Parser;
-use visfield_workspace::headless::{ASSETS, HeadlessApp, write_gif};
+use visfield_workspace::headless::{ASSETS, HeadlessApp};
 use visfield_workspace::moving_objects::{
     ObjectParts, PERIOD, SceneClock, camera_transform, default_parts, move_objects, spawn_objects, spawn_surroundings,
 };
+use visfield_workspace::recording::{Recording, RecordingOptions};
 
 /// Moving objects with ambient occlusion and soft shadows from visibility fields
 #[derive(Parser, Resource, Clone, Debug)]
 struct Options {
-    /// Render without a window; write PNG frames and one animated GIF
-    #[arg(long)]
-    headless: bool,
-    /// Number of frames of one loop to render without a window
-    #[arg(long, default_value_t = 48, value_parser = clap::value_parser!(u32).range(1..=1000))]
-    frames: u32,
-    /// Folder for the frames and the GIF; made if it is missing
-    #[arg(long, default_value = "target/demo", value_name = "DIR")]
-    out: PathBuf,
-    /// Width and height of the frames in pixels
-    #[arg(long, default_value = "640x360", value_parser = parse_size, value_name = "WIDTHxHEIGHT")]
-    size: UVec2,
+    #[command(flatten)]
+    recording: RecordingOptions,
     /// A .glb, .gltf or .obj mesh to show in place of the default ones; baked on the spot
     #[arg(long, value_name = "PATH")]
     mesh: Option<PathBuf>,
@@ -82,12 +73,6 @@ enum DebugView {
     Sun,
 }
 
-fn parse_size(text: &str) -> Result<UVec2, String> {
-    let side = |text: &str| text.parse().ok().filter(|side| (16..=8192).contains(side));
-    let sides = text.split_once('x').and_then(|(width, height)| Some(UVec2::new(side(width)?, side(height)?)));
-    sides.ok_or_else(|| "expected two numbers from 16 to 8192 such as 640x360".to_owned())
-}
-
 /// The user's own meshes, read before the app starts so that a bad file is told at once.
 #[derive(Resource, Clone)]
 struct OwnMeshes(Vec<visfield_bake::Mesh>);
@@ -101,16 +86,13 @@ fn main() -> ExitCode {
             return ExitCode::FAILURE;
         }
     };
-    if !options.headless {
+    if !options.recording.headless {
         return run_in_window(options, own_meshes);
     }
     match record(&options, own_meshes) {
-        Ok(gif) => {
-            println!("frames rendered: {}; the animation of {PERIOD} s is {}", options.frames, gif.display());
-            ExitCode::SUCCESS
-        }
+        Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: cannot write to {}: {error}", options.out.display());
+            eprintln!("error: cannot write the recording: {error}");
             ExitCode::FAILURE
         }
     }
@@ -161,12 +143,10 @@ fn run_in_window(options: Options, own_meshes: Option<OwnMeshes>) -> ExitCode {
     }
 }
 
-/// Renders one loop of the motion and returns the path of the GIF.
-fn record(options: &Options, own_meshes: Option<OwnMeshes>) -> image::ImageResult<PathBuf> {
-    std::fs::create_dir_all(&options.out)?;
-    remove_old_frames(&options.out)?;
-    println!("rendering {} frames of {} × {} pixels", options.frames, options.size.x, options.size.y);
-    let mut headless = HeadlessApp::new(options.size, |plugins| plugins);
+/// Renders one loop of the motion.
+fn record(options: &Options, own_meshes: Option<OwnMeshes>) -> image::ImageResult<()> {
+    let recording = Recording::new(&options.recording, "demo")?;
+    let mut headless = HeadlessApp::new(options.recording.size, |plugins| plugins);
     add_scene(&mut headless.app, options.clone(), own_meshes);
     let target = headless.target();
     let mut commands = headless.app.world_mut().commands();
@@ -180,32 +160,7 @@ fn record(options: &Options, own_meshes: Option<OwnMeshes>) -> image::ImageResul
     wait_for_bakes(&mut headless);
     headless.wait_until_ready();
 
-    let progress = indicatif::ProgressBar::new(options.frames.into()).with_message("frames");
-    let mut frames = Vec::new();
-    for frame in 0..options.frames {
-        headless.app.world_mut().resource_mut::<SceneClock>().0 = PERIOD * frame as f32 / options.frames as f32;
-        let picture = headless.capture();
-        picture.save(options.out.join(format!("frame_{frame:04}.png")))?;
-        frames.push(picture);
-        progress.inc(1);
-    }
-    progress.finish();
-    let gif = options.out.join("moving_objects.gif");
-    write_gif(&gif, frames, PERIOD)?;
-    Ok(gif)
-}
-
-/// Frames of an earlier, longer recording would mix with the new ones.
-fn remove_old_frames(folder: &Path) -> std::io::Result<()> {
-    for entry in std::fs::read_dir(folder)? {
-        let path = entry?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let number = name.strip_prefix("frame_").and_then(|rest| rest.strip_suffix(".png"));
-        // Only what a recording writes, not a user's own frame_final.png.
-        if number.is_some_and(|number| number.len() == 4 && number.bytes().all(|digit| digit.is_ascii_digit())) {
-            std::fs::remove_file(&path)?;
-        }
-    }
+    recording.run(&mut headless, "moving_objects", HeadlessApp::capture)?;
     Ok(())
 }
 

@@ -1,4 +1,9 @@
-//! What the examples and the cross-crate tests share: the scene of `moving_objects`, and apps without a window.
+//! What the examples and the cross-crate tests share: their scenes, and apps without a window.
 
 pub mod headless;
+pub mod light_bays;
 pub mod moving_objects;
+pub mod panes;
+pub mod probe;
+pub mod recording;
+pub mod reference;

@@ -4,8 +4,8 @@ use bevy::prelude::*;
 use bevy_visfield::prelude::*;
 use visfield_workspace::headless::HeadlessApp;
 use visfield_workspace::moving_objects::SceneClock;
+use visfield_workspace::probe::{self, ProbedFrame};
 
-use crate::probe::{self, ProbedFrame};
 use crate::{adapter, truth};
 
 /// Frames after which what was accumulated has settled.
@@ -20,8 +20,7 @@ fn set_accumulate(headless: &mut HeadlessApp, accumulate: bool) {
 /// The same moment without any frames before it.
 fn fresh(headless: &mut HeadlessApp) -> ProbedFrame {
     set_accumulate(headless, false);
-    headless.update();
-    probe::read(&headless.app)
+    probe::read(headless)
 }
 
 /// The mean difference of two frames, of ambient visibility and of that of the sun, over the pixels that count.
@@ -46,14 +45,14 @@ fn a_moving_camera_leaves_no_trail() {
         headless.update();
     }
     for _ in 0..6 {
+        headless.update();
         let world = headless.app.world_mut();
         let mut camera =
             world.query_filtered::<&mut Transform, With<Camera3d>>().single_mut(world).expect("one camera");
         camera.translate_around(Vec3::ZERO, Quat::from_rotation_y(0.02));
         camera.rotate_y(0.02);
-        headless.update();
     }
-    let moved = probe::read(&headless.app);
+    let moved = probe::read(&mut headless);
     let [ambient, sun] = mean_difference(&moved, &fresh(&mut headless), |_, _| true);
     println!("a moving camera: ambient {ambient:.4}, sun {sun:.4} from a frame of its own");
     assert!(ambient <= 0.02 && sun <= 0.02, "ambient {ambient}, sun {sun}");
@@ -70,12 +69,13 @@ fn shadows_that_have_left_are_gone_after_four_frames() {
     for _ in 0..SETTLED {
         headless.update();
     }
-    let before = probe::read(&headless.app);
+    let before = probe::read(&mut headless);
     headless.app.world_mut().resource_mut::<SceneClock>().0 = 0.5;
-    for _ in 0..4 {
+    for _ in 0..3 {
         headless.update();
     }
-    let after = probe::read(&headless.app);
+    // The fourth.
+    let after = probe::read(&mut headless);
     let fresh = fresh(&mut headless);
     // Where it was darker before, on surfaces that have stayed where they were.
     let stayed = |pixel: usize| (before.geometry.depth[pixel] - fresh.geometry.depth[pixel]).abs() < 1e-6;

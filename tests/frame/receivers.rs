@@ -8,8 +8,9 @@ use bevy::prelude::*;
 use bevy::render::render_resource::{AsBindGroup, Extent3d, TextureDimension, TextureFormat};
 use bevy_visfield::prelude::*;
 use visfield_workspace::headless::HeadlessApp;
+use visfield_workspace::probe::{self, ProbedCamera};
 
-use crate::{adapter, probe};
+use crate::adapter;
 
 const SIZE: UVec2 = UVec2::new(160, 48);
 
@@ -82,25 +83,24 @@ fn flags_of_a_row(surface: Surface, deferred: bool) -> [f32; 4] {
         ..OrthographicProjection::default_3d()
     };
     let camera = (Camera3d::default(), Msaa::Off, FieldOcclusion::default(), Projection::from(projection), target);
-    let camera = world.spawn((camera, Transform::from_xyz(0.0, 0.0, 5.0))).id();
+    let camera = world.spawn((camera, Transform::from_xyz(0.0, 0.0, 5.0), ProbedCamera)).id();
     if deferred {
         world.insert_resource(DefaultOpaqueRendererMethod::deferred());
         world.entity_mut(camera).insert(DeferredPrepass);
     }
     headless.wait_until_ready();
     // The column at a panel's middle.
-    let at_panels = |app: &App| -> [f32; 4] {
-        let receivers = probe::read(app).receivers;
+    let at_panels = |headless: &mut HeadlessApp| -> [f32; 4] {
+        let receivers = probe::read(headless).receivers;
         std::array::from_fn(|i| receivers[(SIZE.y / 2 * SIZE.x) as usize + 20 + i * 40])
     };
-    let flagged = at_panels(&headless.app);
+    let flagged = at_panels(&mut headless);
 
     // Taken back, they leave what Bevy's own prepass writes.
     for panel in panels {
         headless.app.world_mut().entity_mut(panel).remove::<(OwnSurfaceOcclusion, NotFieldReceiver)>();
     }
-    headless.update();
-    assert_eq!(at_panels(&headless.app), [1.0; 4], "{surface:?}, deferred: {deferred}");
+    assert_eq!(at_panels(&mut headless), [1.0; 4], "{surface:?}, deferred: {deferred}");
     flagged
 }
 

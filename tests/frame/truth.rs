@@ -1,17 +1,15 @@
 //! The frame against truth: every pixel of the scene of `moving_objects` against exact rays from the same depth and
 //! normals.
 
-use bevy::math::DVec3;
 use bevy::prelude::*;
 use bevy_visfield::prelude::*;
-use rayon::prelude::*;
-use visfield::estimate::{AmbientOcclusion, DirectionalShadow, Receiver};
-use visfield_bake::{ExactScene, exact};
-use visfield_workspace::headless::{ASSETS, HeadlessApp};
-use visfield_workspace::moving_objects::{self, MESHES, MovingObject, PERIOD, SceneClock};
+use visfield::estimate::light::Light;
+use visfield_workspace::headless::HeadlessApp;
+use visfield_workspace::moving_objects::{self, MovingObject, PERIOD, SceneClock};
+use visfield_workspace::probe::{self, ProbedCamera, ProbedFrame};
+use visfield_workspace::reference::{self, Errors, ExactFrame, Progress, ReferenceMeshes};
 
-use crate::probe::ProbedFrame;
-use crate::{adapter, probe};
+use crate::adapter;
 
 /// Rows of the picture, unless the environment says otherwise: penumbrae are a few pixels wide, and more of them in a larger one.
 /// The errors' bounds are those of this size.
@@ -48,90 +46,25 @@ pub(crate) fn scene_app() -> HeadlessApp {
         Msaa::Off,
         moving_objects::camera_transform(),
         FieldOcclusion::default(),
+        ProbedCamera,
         target,
     ));
     headless.wait_until_ready();
     headless
 }
 
-/// The exact scene: the triangles of all occluders where they are now.
-fn exact_scene(app: &mut App, origin: DVec3) -> ExactScene {
-    let meshes = MESHES.map(|name| {
-        let path = format!("{ASSETS}/meshes/{name}.glb");
-        visfield_bake::read_meshes(path.as_ref()).expect("the committed meshes can be read").remove(0)
-    });
+fn exact_frame(app: &mut App, frame: &ProbedFrame) -> ExactFrame {
     let world = app.world_mut();
-    let mut occluders = world.query::<(&ChildOf, &GlobalTransform, &VisibilityField3d)>();
-    let mut objects = world.query::<&MovingObject>();
-    let instances: Vec<_> = occluders
-        .iter(world)
-        .map(|(parent, transform, _)| {
-            let mesh = objects.get(world, parent.parent()).expect("parts belong to objects").mesh;
-            (&meshes[mesh], transform.affine().as_daffine3())
-        })
-        .collect();
-    assert!(instances.len() >= 12);
-    ExactScene::new(&instances, origin).expect("the committed meshes are sound")
-}
-
-#[derive(Default)]
-struct Errors {
-    absolute: f64,
-    squared: f64,
-    signed: f64,
-    largest: f32,
-    count: usize,
-}
-
-impl Errors {
-    fn add(&mut self, found: f32, exact: f32) {
-        let error = found - exact;
-        self.absolute += f64::from(error.abs());
-        self.squared += f64::from(error * error);
-        self.signed += f64::from(error);
-        self.largest = self.largest.max(error.abs());
-        self.count += 1;
-    }
-
-    fn mean(&self) -> f64 {
-        self.absolute / self.count as f64
-    }
-
-    fn print(&self, name: &str) {
-        let n = self.count as f64;
-        println!(
-            "{name}: mean absolute error {:.4}, RMS {:.4}, maximum {:.3}, bias {:+.4} over {} pixels",
-            self.mean(),
-            (self.squared / n).sqrt(),
-            self.largest,
-            self.signed / n,
-            self.count
-        );
-    }
-}
-
-/// What exact rays find for every pixel that shows a surface: ambient visibility, and that of the sun.
-type Exact = Vec<Option<[f32; 2]>>;
-
-/// What a pixel shows, in the world; nothing for the sky.
-fn receiver_at(frame: &ProbedFrame, pixel: UVec2) -> Option<Receiver> {
-    let receiver = frame.geometry.receiver_at(pixel);
-    let position = frame.camera.as_dvec3() + receiver.position.as_dvec3();
-    (receiver.depth > 0.0).then_some(Receiver { position, normal: receiver.normal })
-}
-
-fn exact_frame(app: &mut App, frame: &ProbedFrame) -> Exact {
-    let scene = exact_scene(app, frame.camera.as_dvec3());
-    let world = app.world_mut();
+    let seconds = world.resource::<SceneClock>().0;
+    let objects =
+        world.query::<&MovingObject>().iter(world).map(|o| (o.mesh, o.transform_at(seconds))).collect::<Vec<_>>();
+    assert!(objects.len() >= 12);
+    let meshes = ReferenceMeshes::read().expect("the committed meshes can be read");
+    let scene = meshes.scene(objects, frame.camera.as_dvec3()).expect("the committed meshes are sound");
     let (light, shadows) = world.query::<(&GlobalTransform, &FieldShadows)>().single(world).expect("there is one sun");
-    let sun = DirectionalShadow { rays: RAYS, ..DirectionalShadow::new(light.back().into(), shadows.angular_radius) };
-    let ambient = AmbientOcclusion { rays: RAYS, ..AmbientOcclusion::default() };
-    let exact = |pixel: UVec2| {
-        let receiver = receiver_at(frame, pixel)?;
-        let occlusion = exact::ambient_occlusion(&scene, &receiver, &ambient);
-        Some([1.0 - occlusion, exact::directional_visibility(&scene, &receiver, &sun)])
-    };
-    frame.geometry.pixels().collect::<Vec<_>>().into_par_iter().map(exact).collect()
+    let sun = Light::directional(light.back().into(), shadows.angular_radius);
+    let exact = reference::trace_frame(&scene, frame, RAYS, (&sun, RAYS), &Progress::default());
+    exact.expect("nobody cancels it")
 }
 
 /// The errors of one estimator.
@@ -146,7 +79,7 @@ struct Classes {
 }
 
 /// For ambient occlusion and for the sun.
-fn errors(exact: &Exact, frame: &ProbedFrame) -> [Classes; 2] {
+fn errors(exact: &ExactFrame, frame: &ProbedFrame) -> [Classes; 2] {
     // Objects lie before the walls: their pixels are told from the floor's and walls' by the normal.
     let is_plane = |normal: Vec3| normal.abs().max_element() > 0.9995;
     let mut errors: [Classes; 2] = Default::default();
@@ -204,20 +137,20 @@ fn the_frame_is_near_exact_rays() {
         for Case { name, occlusion, frames, ambient: most_ambient, sun: most_sun } in cases() {
             let world = headless.app.world_mut();
             *world.query::<&mut FieldOcclusion>().single_mut(world).expect("there is one camera") = occlusion;
-            // One update moves the objects and renders them.
-            for _ in 0..frames {
+            // The first frame moves the objects and renders them; the last one is read.
+            for _ in 1..frames {
                 headless.update();
             }
-            let frame = probe::read(&headless.app);
+            let frame = probe::read(&mut headless);
             let exact = exact.get_or_insert_with(|| exact_frame(&mut headless.app, &frame));
             let [ambient, sun] = errors(exact, &frame);
             let name = format!("{seconds} s, {name}");
             for (estimator, classes) in [("ambient", &ambient), ("sun", &sun)] {
-                classes.all.print(&format!("{name}, {estimator}"));
-                classes.planes.print(&format!("{name}, {estimator}, planes"));
-                classes.objects.print(&format!("{name}, {estimator}, objects"));
+                println!("{name}, {estimator}: {}", classes.all);
+                println!("{name}, {estimator}, planes: {}", classes.planes);
+                println!("{name}, {estimator}, objects: {}", classes.objects);
             }
-            sun.partial.print(&format!("{name}, sun, penumbrae"));
+            println!("{name}, sun, penumbrae: {}", sun.partial);
             if let Some(folder) = std::env::var_os("VISFIELD_PICTURES") {
                 save_pictures(folder.as_ref(), &name, exact, &frame.visibility);
             }
