@@ -50,7 +50,7 @@ fn scene_app() -> HeadlessApp {
 /// The exact scene: the triangles of all occluders where they are now.
 fn exact_scene(app: &mut App, origin: DVec3) -> ExactScene {
     let meshes = MESHES.map(|name| {
-        let path = format!("{ASSETS}/meshes/{name}.glb");
+        let path = format!("{}/meshes/{name}.glb", *ASSETS);
         visfield_bake::read_meshes(path.as_ref()).expect("the committed meshes can be read").remove(0)
     });
     let world = app.world_mut();

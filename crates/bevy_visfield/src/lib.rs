@@ -49,6 +49,7 @@ pub mod bake;
 mod components;
 mod debug;
 mod diagnose;
+mod diagnostics;
 mod no_shadow;
 mod receivers;
 mod render;
@@ -63,6 +64,7 @@ pub use components::{
     NotFieldShadowCaster, OcclusionEstimator, OcclusionFalloff, ScreenSpaceOcclusion, VisibilityField3d,
 };
 pub use debug::FieldDebugView;
+pub use diagnostics::FieldOcclusionDiagnosticsPlugin;
 pub use no_shadow::{FieldShadowDiagnosis, NoShadow, why_no_shadow};
 pub use receivers::{NotFieldReceiver, OwnSurfaceOcclusion};
 pub use render::{FieldLevel, FieldMemoryBudget, FieldOcclusionFrame, FieldOcclusionSystems, FieldResidency};
