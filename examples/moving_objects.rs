@@ -31,6 +31,7 @@ use visfield_workspace::headless::{ASSETS, HeadlessApp, write_gif};
 use visfield_workspace::moving_objects::{
     ObjectParts, PERIOD, SceneClock, camera_transform, default_parts, move_objects, spawn_objects, spawn_surroundings,
 };
+use visfield_workspace::recording::{parse_size, record_frames};
 
 /// Moving objects with ambient occlusion and soft shadows from visibility fields
 #[derive(Parser, Resource, Clone, Debug)]
@@ -80,12 +81,6 @@ impl From<Estimator> for OcclusionEstimator {
 enum DebugView {
     Ambient,
     Sun,
-}
-
-fn parse_size(text: &str) -> Result<UVec2, String> {
-    let side = |text: &str| text.parse().ok().filter(|side| (16..=8192).contains(side));
-    let sides = text.split_once('x').and_then(|(width, height)| Some(UVec2::new(side(width)?, side(height)?)));
-    sides.ok_or_else(|| "expected two numbers from 16 to 8192 such as 640x360".to_owned())
 }
 
 /// The user's own meshes, read before the app starts so that a bad file is told at once.
@@ -163,8 +158,6 @@ fn run_in_window(options: Options, own_meshes: Option<OwnMeshes>) -> ExitCode {
 
 /// Renders one loop of the motion and returns the path of the GIF.
 fn record(options: &Options, own_meshes: Option<OwnMeshes>) -> image::ImageResult<PathBuf> {
-    std::fs::create_dir_all(&options.out)?;
-    remove_old_frames(&options.out)?;
     println!("rendering {} frames of {} × {} pixels", options.frames, options.size.x, options.size.y);
     let mut headless = HeadlessApp::new(options.size, |plugins| plugins);
     add_scene(&mut headless.app, options.clone(), own_meshes);
@@ -180,33 +173,12 @@ fn record(options: &Options, own_meshes: Option<OwnMeshes>) -> image::ImageResul
     wait_for_bakes(&mut headless);
     headless.wait_until_ready();
 
-    let progress = indicatif::ProgressBar::new(options.frames.into()).with_message("frames");
-    let mut frames = Vec::new();
-    for frame in 0..options.frames {
+    let frames = record_frames(&mut headless, &options.out, options.frames, |headless, frame| {
         headless.app.world_mut().resource_mut::<SceneClock>().0 = PERIOD * frame as f32 / options.frames as f32;
-        let picture = headless.capture();
-        picture.save(options.out.join(format!("frame_{frame:04}.png")))?;
-        frames.push(picture);
-        progress.inc(1);
-    }
-    progress.finish();
+    })?;
     let gif = options.out.join("moving_objects.gif");
     write_gif(&gif, frames, PERIOD)?;
     Ok(gif)
-}
-
-/// Frames of an earlier, longer recording would mix with the new ones.
-fn remove_old_frames(folder: &Path) -> std::io::Result<()> {
-    for entry in std::fs::read_dir(folder)? {
-        let path = entry?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let number = name.strip_prefix("frame_").and_then(|rest| rest.strip_suffix(".png"));
-        // Only what a recording writes, not a user's own frame_final.png.
-        if number.is_some_and(|number| number.len() == 4 && number.bytes().all(|digit| digit.is_ascii_digit())) {
-            std::fs::remove_file(&path)?;
-        }
-    }
-    Ok(())
 }
 
 /// Runs frames until the user's meshes are baked. The bar hides itself in a pipe.
