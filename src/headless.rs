@@ -1,7 +1,7 @@
 //! Bevy apps that render into an image, without a window: for recordings and tests.
 
 use std::path::Path;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, LazyLock, Mutex};
 
 use bevy::app::PluginsState;
 use bevy::camera::RenderTarget;
@@ -14,8 +14,12 @@ use bevy::window::ExitCondition;
 use bevy::winit::WinitPlugin;
 use image::RgbaImage;
 
-/// The folder of the project's assets.
-pub const ASSETS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets");
+/// The folder of the project's assets: below `BEVY_ASSET_ROOT` where that is set, as for programs that were copied somewhere else, or
+/// in the source tree.
+pub static ASSETS: LazyLock<String> = LazyLock::new(|| match std::env::var("BEVY_ASSET_ROOT") {
+    Ok(root) => format!("{root}/assets"),
+    Err(_) => concat!(env!("CARGO_MANIFEST_DIR"), "/assets").to_owned(),
+});
 
 /// Updates after which an app that is still not ready is given up.
 const MAX_UPDATES: usize = 20_000;

@@ -1,5 +1,6 @@
 //! What the examples and the cross-crate tests share: their scenes, and apps without a window.
 
+pub mod crowd;
 pub mod headless;
 pub mod light_bays;
 pub mod moving_objects;

@@ -37,7 +37,18 @@ pub struct RecordingOptions {
     pub size: UVec2,
 }
 
-fn parse_size(text: &str) -> Result<UVec2, String> {
+/// Parses the size of frames, for a command's arguments.
+///
+/// ```
+/// use bevy::math::UVec2;
+/// use visfield_workspace::recording::parse_size;
+/// assert_eq!(parse_size("640x360"), Ok(UVec2::new(640, 360)));
+/// assert!(parse_size("640").is_err());
+/// ```
+///
+/// # Errors
+/// A text that says what is expected.
+pub fn parse_size(text: &str) -> Result<UVec2, String> {
     let side = |text: &str| text.parse().ok().filter(|side| (16..=8192).contains(side));
     let sides = text.split_once('x').and_then(|(width, height)| Some(UVec2::new(side(width)?, side(height)?)));
     sides.ok_or_else(|| "expected two numbers from 16 to 8192 such as 640x360".to_owned())
@@ -69,9 +80,7 @@ impl Recording {
     /// If the folder cannot be written to.
     pub fn new(options: &RecordingOptions, name: &str) -> std::io::Result<Self> {
         let folder = options.out.clone().unwrap_or_else(|| Path::new("target").join(name));
-        std::fs::create_dir_all(&folder)
-            .and_then(|()| remove_old_frames(&folder))
-            .map_err(|error| std::io::Error::new(error.kind(), format!("{}: {error}", folder.display())))?;
+        clear(&folder)?;
         println!("rendering {} frames of {} × {} pixels", options.frames, options.size.x, options.size.y);
         Ok(Self { folder, frames: options.frames })
     }
@@ -86,21 +95,46 @@ impl Recording {
         name: &str,
         mut take: impl FnMut(&mut HeadlessApp) -> RgbaImage,
     ) -> ImageResult<PathBuf> {
-        let progress = indicatif::ProgressBar::new(self.frames.into()).with_message("frames");
-        let mut frames = Vec::new();
-        for frame in 0..self.frames {
+        let frames = record_frames(headless, &self.folder, self.frames, |headless, frame| {
             headless.app.world_mut().resource_mut::<SceneClock>().0 = PERIOD * frame as f32 / self.frames as f32;
-            let picture = take(headless);
-            picture.save(self.folder.join(format!("frame_{frame:04}.png")))?;
-            frames.push(picture);
-            progress.inc(1);
-        }
-        progress.finish();
+            take(headless)
+        })?;
         let gif = self.folder.join(format!("{name}.gif"));
         write_gif(&gif, frames, PERIOD)?;
         println!("frames rendered: {}; the animation of {PERIOD} s is {}", self.frames, gif.display());
         Ok(gif)
     }
+}
+
+/// Renders `count` frames, each taken by `take`, into a folder, and returns them. The folder is made if it is missing; frames of an
+/// earlier recording go.
+///
+/// # Errors
+/// If a file cannot be written.
+pub fn record_frames(
+    headless: &mut HeadlessApp,
+    folder: &Path,
+    count: u32,
+    mut take: impl FnMut(&mut HeadlessApp, u32) -> RgbaImage,
+) -> ImageResult<Vec<RgbaImage>> {
+    clear(folder)?;
+    let progress = indicatif::ProgressBar::new(count.into()).with_message("frames");
+    let mut frames = Vec::new();
+    for frame in 0..count {
+        let picture = take(headless, frame);
+        picture.save(folder.join(format!("frame_{frame:04}.png")))?;
+        frames.push(picture);
+        progress.inc(1);
+    }
+    progress.finish();
+    Ok(frames)
+}
+
+/// Makes a folder, or clears it of an earlier recording.
+fn clear(folder: &Path) -> std::io::Result<()> {
+    std::fs::create_dir_all(folder)
+        .and_then(|()| remove_old_frames(folder))
+        .map_err(|error| std::io::Error::new(error.kind(), format!("{}: {error}", folder.display())))
 }
 
 /// Frames of an earlier, longer recording would mix with the new ones.

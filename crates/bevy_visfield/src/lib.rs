@@ -49,6 +49,7 @@ pub mod bake;
 mod components;
 mod debug;
 mod diagnose;
+mod diagnostics;
 #[cfg(feature = "gizmos")]
 mod gizmos;
 mod no_shadow;
@@ -65,6 +66,7 @@ pub use components::{
     NotFieldShadowCaster, OcclusionEstimator, OcclusionFalloff, ScreenSpaceOcclusion, VisibilityField3d,
 };
 pub use debug::FieldDebugView;
+pub use diagnostics::FieldOcclusionDiagnosticsPlugin;
 #[cfg(feature = "gizmos")]
 pub use gizmos::FieldBoundsGizmos;
 pub use no_shadow::{FieldShadowDiagnosis, NoShadow, why_no_shadow};

@@ -1,5 +1,7 @@
 //! From the main world to the render world: cameras and lights with our components, and every occluder's transform.
 
+use std::time::Instant;
+
 use bevy::camera::visibility::RenderLayers;
 use bevy::core_pipeline::prepass::{DepthPrepass, NormalPrepass};
 use bevy::ecs::query::QueryItem;
@@ -13,6 +15,7 @@ use bevy::render::sync_world::RenderEntity;
 use visfield::estimate::frame::Casting;
 
 use super::compose::{BevysOcclusion, CombinesScreenSpace};
+use super::count::CpuTimes;
 use super::prepare::FieldOcclusionFrame;
 use crate::asset::VisibilityField;
 use crate::components::{
@@ -37,6 +40,7 @@ pub(super) struct ExtractedOccluder {
 /// Copies what occludes: visible entities with a field. Entities outside the view count, since they cast into it.
 pub(super) fn extract_occluders(
     mut extracted: ResMut<ExtractedOccluders>,
+    mut times: ResMut<CpuTimes>,
     occluders: Extract<
         Query<
             (
@@ -52,6 +56,7 @@ pub(super) fn extract_occluders(
         >,
     >,
 ) {
+    let started = Instant::now();
     extracted.0.clear();
     let visible = occluders.iter().filter(|(_, _, visibility, ..)| visibility.get());
     extracted.0.extend(visible.map(|(field, transform, _, layers, own_surface, no_ambient, no_shadows)| {
@@ -63,6 +68,7 @@ pub(super) fn extract_occluders(
             layers: layers.cloned().unwrap_or_default(),
         }
     }));
+    times.extract = started.elapsed();
 }
 
 impl SyncComponent for FieldOcclusion {

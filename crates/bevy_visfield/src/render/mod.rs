@@ -3,6 +3,7 @@
 
 mod budget;
 mod compose;
+mod count;
 mod extract;
 mod feedback;
 mod levels;
@@ -29,6 +30,9 @@ use crate::shader_patch::patch_shaders;
 use node::OcclusionViews;
 
 pub use budget::{FieldLevel, FieldMemoryBudget};
+#[cfg(test)]
+pub(crate) use count::CpuTimes;
+pub(crate) use count::{FrameCounts, LatestCounts, count_frame};
 #[cfg(test)]
 pub(crate) use feedback::FieldOnGpu;
 pub(crate) use feedback::RenderFeedback;
@@ -84,6 +88,7 @@ pub(crate) fn finish(app: &mut App) {
         .insert_resource(feedback)
         .init_gpu_resource::<FieldResidency>()
         .init_resource::<extract::ExtractedOccluders>()
+        .init_resource::<count::CpuTimes>()
         .init_gpu_resource::<OcclusionViews>()
         .add_systems(
             ExtractSchedule,

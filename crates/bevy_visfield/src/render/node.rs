@@ -16,7 +16,7 @@ use super::residency::FieldResidency;
 
 /// The pipelines, and what each camera keeps from frame to frame.
 #[derive(Resource)]
-pub(super) struct OcclusionViews {
+pub(crate) struct OcclusionViews {
     passes: OcclusionPasses,
     views: HashMap<Entity, OcclusionView>,
 }
@@ -29,6 +29,11 @@ impl FromWorld for OcclusionViews {
 }
 
 impl OcclusionViews {
+    /// What a camera kept.
+    pub(super) fn view(&self, camera: Entity) -> Option<&OcclusionView> {
+        self.views.get(&camera)
+    }
+
     /// Drops what cameras kept that no longer show occlusion.
     pub(super) fn retain(&mut self, mut shows: impl FnMut(Entity) -> bool) {
         self.views.retain(|camera, _| shows(*camera));
@@ -119,5 +124,18 @@ fn span_name(pass: &'static str) -> &'static str {
         "accumulate" => "field_occlusion_accumulate",
         "resolve" => "field_occlusion_resolve",
         other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnostics::FieldOcclusionDiagnosticsPlugin;
+
+    #[test]
+    fn spans_have_the_paths_that_are_told() {
+        let paths = OcclusionPasses::GROUPS.map(|group| format!("render/{}/elapsed_gpu", span_name(group)));
+        let told = FieldOcclusionDiagnosticsPlugin::GPU_PASSES;
+        assert_eq!(told.each_ref().map(|path| path.as_str()), paths.each_ref().map(String::as_str));
     }
 }

@@ -1,5 +1,7 @@
 //! Puts each camera's frame together: occluders relative to the camera, the lights by their masks, and the texture to fill.
 
+use std::time::Instant;
+
 use bevy::camera::MainPassResolutionOverride;
 use bevy::camera::visibility::RenderLayers;
 use bevy::image::ToExtents;
@@ -18,6 +20,7 @@ use visfield::gpu::layout::InstanceData;
 use visfield::gpu::{OUTPUT_FORMAT, ScreenSpaceCombination};
 use visfield::scene::Placement;
 
+use super::count::CpuTimes;
 use super::extract::{ExtractedOccluder, ExtractedOccluders};
 use super::lights::{ExtractedLights, LightShape, ShadowedLight};
 use super::masks::MaskTable;
@@ -67,6 +70,7 @@ pub(super) fn prepare_frames(
     device: Res<RenderDevice>,
     mut texture_cache: ResMut<TextureCache>,
     mut kept: ResMut<OcclusionViews>,
+    mut times: ResMut<CpuTimes>,
     residency: Res<FieldResidency>,
     occluders: Res<ExtractedOccluders>,
     lights: ExtractedLights,
@@ -81,6 +85,7 @@ pub(super) fn prepare_frames(
         Option<&MainPassResolutionOverride>,
     )>,
 ) {
+    let started = Instant::now();
     kept.retain(|camera| views.contains(camera));
     let max_side = device.limits().max_texture_dimension_2d;
     for (entity, view, camera, occlusion, debug_view, layers, jitter, resolution) in &views {
@@ -131,6 +136,7 @@ pub(super) fn prepare_frames(
             show_tile_load: debug_view == Some(&FieldDebugView::TileLoad),
         });
     }
+    times.prepare = started.elapsed();
 }
 
 /// A light as the passes know it.
