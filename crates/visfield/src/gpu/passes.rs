@@ -164,7 +164,7 @@ impl OcclusionPasses {
     /// [`MissingCapability`] names the first limit that is too low.
     pub fn check(limits: &wgpu::Limits) -> Result<(), MissingCapability> {
         let needs = [
-            ("max_storage_buffers_per_shader_stage", 5, limits.max_storage_buffers_per_shader_stage),
+            ("max_storage_buffers_per_shader_stage", 6, limits.max_storage_buffers_per_shader_stage),
             ("max_storage_textures_per_shader_stage", 1, limits.max_storage_textures_per_shader_stage),
             ("max_compute_invocations_per_workgroup", 64, limits.max_compute_invocations_per_workgroup),
             ("max_compute_workgroup_storage_size", 4352, limits.max_compute_workgroup_storage_size),
@@ -177,7 +177,9 @@ impl OcclusionPasses {
 
     /// Builds the pipelines. The device must pass [`check`](Self::check).
     pub fn new(device: &wgpu::Device) -> Self {
+        let software = device.adapter_info().device_type == wgpu::DeviceType::Cpu;
         let module = |label, source: String| {
+            let source = if software { without_uniforms(&source) } else { source };
             let source = wgpu::ShaderSource::Wgsl(source.into());
             device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
         };
@@ -334,6 +336,12 @@ impl OcclusionPasses {
             encoded.pass("field occlusion resolve", pipeline, &bindings, groups(size, 1));
         });
     }
+}
+
+/// The same with the frame's parameters in a storage buffer. Mesa's lavapipe makes constants of the uniforms that decide on
+/// branches: it compiles such shaders again for other values, Mesa 22.3 even in every dispatch, and keeps the code of each.
+fn without_uniforms(source: &str) -> String {
+    source.replace("var<uniform>", "var<storage, read>")
 }
 
 /// What a frame asks.

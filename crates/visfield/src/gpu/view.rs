@@ -110,7 +110,9 @@ impl OcclusionView {
         Prepared {
             frame: self.frame.get_or_insert_with(|| {
                 let bytes = size_of::<FrameUniform>() as u64;
-                create_buffer(device, "field occlusion frame", bytes, wgpu::BufferUsages::UNIFORM)
+                // Which of both depends on the adapter.
+                let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::STORAGE;
+                create_buffer(device, "field occlusion frame", bytes, usage)
             }),
             instances: self.instances.get_or_insert_with(|| {
                 let bytes = instance_bytes(count.next_power_of_two());
