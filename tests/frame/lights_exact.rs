@@ -57,8 +57,9 @@ fn light(world: &mut World, camera: Vec3) -> Light {
     } else if let Some(spot) = spot {
         Light::spot(at, spot.radius, spot.range, axis(place.forward()), spot.outer_angle)
     } else if let Some(rect) = rect {
-        let half_width = axis(place.right()) * rect.width * 0.5;
-        let half_height = axis(place.up()) * rect.height * 0.5;
+        // As Bevy does, with its scale.
+        let half = |side: Vec3| place.affine().transform_vector3(side * 0.5);
+        let (half_width, half_height) = (half(Vec3::X * rect.width), half(Vec3::Y * rect.height));
         Light::rectangle(at, half_width, half_height, axis(place.forward()), rect.range)
     } else {
         Light::directional(axis(place.back()), shadows.angular_radius)
