@@ -1,9 +1,8 @@
-//! The scene of `moving_objects` four times: with visibility fields, with Bevy's own screen-space ambient occlusion and shadow
-//! maps, with exact rays against the triangles, and the difference between fields and exact rays.
+//! The scene of `moving_objects` four times: with Bevy's own screen-space ambient occlusion and shadow maps, with visibility fields, with exact rays against the triangles, and the difference between fields and exact rays.
 //!
 //! Look at what the screen does not show: the floor under the chairs and the walls behind the knots stay light in Bevy's
 //! pane, and dark in the others. Its sun has a hard edge everywhere; the others' widens. The pane of exact rays is shaded by
-//! Bevy too, from the same materials, with exact visibility in the place of what fields find: it differs from the first pane in
+//! Bevy too, from the same materials, with exact visibility in the place of what fields find: it differs from the fields' pane in
 //! nothing else. The last pane is grey where both agree; brighter where fields let too much light through, darker where too
 //! little, five times exaggerated, as a share of the light that would fall there without any occluder. What remains are edges of
 //! penumbrae, contacts, and creases of the objects themselves.
@@ -49,7 +48,7 @@ struct Options {
     #[command(flatten)]
     recording: RecordingOptions,
     /// Exact rays per pixel for ambient occlusion, and as many for the sun
-    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=4096), value_name = "RAYS")]
+    #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=4096), value_name = "RAYS")]
     reference_rays: u32,
 }
 
@@ -135,17 +134,26 @@ fn spawn_scene(
 }
 
 /// Gives Bevy's pane a sun of its own, with shadow maps.
-fn split_sun(mut commands: Commands, sun: Single<(Entity, &DirectionalLight, &Transform)>) {
+fn split_sun(
+    mut commands: Commands,
+    sun: Single<(Entity, &DirectionalLight, &Transform)>,
+    meshes: Query<Entity, With<Mesh3d>>,
+) {
     let (entity, light, transform) = *sun;
     let with_maps = DirectionalLight { shadow_maps_enabled: true, ..*light };
     commands.spawn((with_maps, *transform, RenderLayers::layer(MAP_LAYER)));
     commands.entity(entity).insert(RenderLayers::layer(FIELD_LAYER));
+    // Shadow maps show what shares a layer with their light.
+    for mesh in &meshes {
+        commands.entity(mesh).insert(RenderLayers::layer(0).with(MAP_LAYER));
+    }
 }
 
 fn spawn_panes(mut commands: Commands, target: Res<Target>) {
     let names = ["visibility fields", "Bevy: SSAO and shadow maps", "exact rays", "fields − exact, ×5"];
     let [fields, maps, exact, difference] = std::array::from_fn(|i| {
-        let cell = UVec2::new(i as u32 % 2, i as u32 / 2);
+        // Bevy's screen-space ambient occlusion is read as if its viewport began at the first pixel of the target.
+        let cell = [UVec2::X, UVec2::ZERO, UVec2::Y, UVec2::ONE][i];
         let camera = Camera { order: i as isize, ..default() };
         let pane = Pane { cell, grid: UVec2::splat(2) };
         let mut camera =
