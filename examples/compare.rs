@@ -1,4 +1,5 @@
-//! The scene of `moving_objects` four times: with Bevy's own screen-space ambient occlusion and shadow maps, with visibility fields, with exact rays against the triangles, and the difference between fields and exact rays.
+//! The scene of `moving_objects` four times: with Bevy's own screen-space ambient occlusion and shadow maps, with visibility
+//! fields, with exact rays against the triangles, and the difference between fields and exact rays.
 //!
 //! Look at what the screen does not show: the floor under the chairs and the walls behind the knots stay light in Bevy's
 //! pane, and dark in the others. Its sun has a hard edge everywhere; the others' widens. The pane of exact rays is shaded by
