@@ -8,3 +8,4 @@ pub mod panes;
 pub mod probe;
 pub mod recording;
 pub mod reference;
+pub mod reference_view;

@@ -234,7 +234,7 @@ fn spawn_light(commands: &mut Commands, meshes: &mut Assets<Mesh>, materials: &m
         }
         LightKind::Rect => {
             let color = Color::srgb(0.94, 0.96, 1.0);
-            light.insert(RectLight { intensity: 260_000.0, range: RANGE, color, ..default() });
+            light.insert(RectLight { intensity: 260_000.0, range: RANGE, color, width: 1.0, height: 1.0 });
             // Its front is −z; seen from behind it is dark, as the light is.
             Some((Mesh::from(Plane3d::new(Vec3::NEG_Z, Vec2::splat(0.5))), color))
         }
@@ -255,7 +255,7 @@ pub fn resize_lights(
     mut suns: Query<&mut FieldShadows, With<DirectionalLight>>,
     mut points: Query<(&mut PointLight, &mut Transform), Without<SpotLight>>,
     mut spots: Query<(&mut SpotLight, &mut Transform), Without<PointLight>>,
-    mut rects: Query<(&mut RectLight, &mut Transform), (Without<PointLight>, Without<SpotLight>)>,
+    mut rects: Query<&mut Transform, (With<RectLight>, Without<PointLight>, Without<SpotLight>)>,
 ) {
     let radius = BULB_RADIUS * size.0;
     for mut shadows in &mut suns {
@@ -267,9 +267,9 @@ pub fn resize_lights(
     for (mut light, mut transform) in &mut spots {
         (light.radius, transform.scale) = (radius, Vec3::splat(radius));
     }
-    for (mut light, mut transform) in &mut rects {
-        let [width, height] = (PANEL * size.0).to_array();
-        (light.width, light.height, transform.scale) = (width, height, Vec3::new(width, height, 1.0));
+    // Bevy multiplies a panel's width and height with its scale, and leaves radii alone.
+    for mut transform in &mut rects {
+        transform.scale = (PANEL * size.0).extend(1.0);
     }
 }
 
