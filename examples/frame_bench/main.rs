@@ -17,7 +17,9 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use bevy::app::TerminalCtrlCHandlerPlugin;
 use bevy::core_pipeline::prepass::{DepthPrepass, NormalPrepass};
+use bevy::log::LogPlugin;
 use bevy::pbr::{ScreenSpaceAmbientOcclusion, ScreenSpaceAmbientOcclusionQualityLevel};
 use bevy::prelude::*;
 use bevy::render::diagnostic::RenderDiagnosticsPlugin;
@@ -146,14 +148,23 @@ fn run(options: &Options) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn timed_app(size: UVec2) -> TimedApp {
-    let mut headless = HeadlessApp::new(size, |plugins| plugins);
+fn timed_app(size: UVec2, log: Log) -> TimedApp {
+    let mut headless = HeadlessApp::new(size, |plugins| match log {
+        Log::Started => plugins.disable::<LogPlugin>().disable::<TerminalCtrlCHandlerPlugin>(),
+        Log::Start => plugins,
+    });
     headless.app.add_plugins((
         VisibilityFieldPlugin,
         RenderDiagnosticsPlugin,
         FieldOcclusionDiagnosticsPlugin::default(),
     ));
     TimedApp::new(headless)
+}
+
+/// Whether an app starts the log, which only the first one of a process can.
+enum Log {
+    Start,
+    Started,
 }
 
 /// A camera that makes the prepasses that all techniques need, and shows none.
@@ -164,7 +175,7 @@ fn spawn_camera(timed: &mut TimedApp, transform: Transform) -> Entity {
 }
 
 fn measure_moving_objects(size: UVec2, frames: Frames) -> (wgpu::AdapterInfo, Vec<FrameCost>) {
-    let mut timed = timed_app(size);
+    let mut timed = timed_app(size, Log::Start);
     timed.headless.app.init_resource::<SceneClock>().add_systems(Update, move_objects).add_systems(
         Startup,
         |mut commands: Commands,
@@ -201,7 +212,7 @@ fn measure_moving_objects(size: UVec2, frames: Frames) -> (wgpu::AdapterInfo, Ve
 }
 
 fn measure_crowds(size: UVec2, frames: Frames, shapes: &[BakedShape]) -> Vec<CrowdCost> {
-    let mut timed = timed_app(size);
+    let mut timed = timed_app(size, Log::Started);
     timed.headless.app.add_plugins(crowd::plugin).add_systems(Startup, crowd::spawn_surroundings);
     let shapes = CrowdShapes::new(timed.headless.app.world_mut(), shapes);
     timed.headless.app.insert_resource(shapes);

@@ -1,6 +1,7 @@
 //! Whole frames of Bevy apps, without a window.
 
 mod adapter;
+mod diagnostics;
 mod end_to_end;
 mod lights;
 mod loss;
