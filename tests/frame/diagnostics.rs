@@ -1,7 +1,6 @@
 //! Counts, bytes and times reach Bevy's diagnostics.
 
 use bevy::diagnostic::{Diagnostic, DiagnosticPath, DiagnosticsStore};
-use bevy::prelude::*;
 use bevy::render::RenderApp;
 use bevy::render::diagnostic::RenderDiagnosticsPlugin;
 use bevy::render::renderer::RenderDevice;
