@@ -248,8 +248,9 @@ fn cell(number: Option<f64>) -> String {
 }
 
 fn print_row(name: &str, cells: &[String]) {
-    let cells: String = cells.iter().map(|cell| format!("{cell:>12}")).collect();
-    println!("{name:<26}{cells}");
+    print!("{name:<26}");
+    cells.iter().for_each(|cell| print!("{cell:>12}"));
+    println!();
 }
 
 fn print_moving_objects(costs: &[FrameCost]) {

@@ -8,6 +8,7 @@ use bevy::render::renderer::{
     PendingCommandBuffers, RenderAdapterInfo, RenderDevice, RenderGraph, RenderGraphSystems, RenderQueue,
 };
 use visfield_workspace::headless::HeadlessApp;
+use wgpu::BufferUsages as Usage;
 
 /// What is written at the start and at the end of a frame; a resource of the render world, on GPUs that have timestamps.
 #[derive(Resource)]
@@ -91,7 +92,6 @@ fn install(render_app: &mut SubApp) {
         let descriptor = wgpu::BufferDescriptor { label: Some(label), size: BYTES, usage, mapped_at_creation: false };
         device.create_buffer(&descriptor)
     };
-    use wgpu::BufferUsages as Usage;
     render_app.insert_resource(FrameTimestamps {
         queries: device.create_query_set(&wgpu::QuerySetDescriptor {
             label: Some("frame"),

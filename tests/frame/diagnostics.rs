@@ -35,7 +35,7 @@ fn a_frame_is_counted_and_timed() {
     let statistics = stage.statistics();
     assert_eq!(value(&stage, &Field::FIELD_BYTES), Some(statistics.resident_bytes as f64));
     // The ball is listed somewhere; no tile or block lists it twice.
-    let tiles = (SIZE / 16 + 1).element_product() as f64;
+    let tiles = f64::from((SIZE / 16 + 1).element_product());
     let entries = value(&stage, &Field::TILE_ENTRIES).unwrap_or(0.0);
     assert!(entries >= 1.0 && entries <= 2.0 * tiles, "{entries} entries in {tiles} tiles");
     assert!(value(&stage, &Field::LOOKUPS_AT_MOST) >= Some(entries));
