@@ -46,7 +46,7 @@ pub struct BakedShape {
 /// If a shape cannot be baked.
 pub fn bake_shapes(mut done: impl FnMut(usize)) -> Result<Vec<BakedShape>, BakeError> {
     let cap_grid = CapGridFormat { points: 10, ..CapGridFormat::DEFAULT };
-    let settings = BakeSettings { cap_grid: Some(cap_grid), ..BakeSettings::two_point(33, 16) };
+    let settings = BakeSettings { cap_grid: Some(cap_grid), ..BakeSettings::two_point(33, 24) };
     let bake = |shape| {
         let mesh = shape_mesh(shape);
         let field = visfield_bake::bake(&mesh, &settings, |_rays| ())?;

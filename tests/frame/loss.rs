@@ -317,7 +317,12 @@ fn more_fields_than_the_budget_degrade_step_by_step_and_recover() {
         assert_eq!(reasons, expected.iter().map(reason).collect::<Vec<_>>(), "{budget}");
         match expected[0] {
             Full => assert!(largest_difference(&picture, &on) <= 2, "{budget}"),
-            Coarse => assert!(largest_difference(&picture, &on) <= 40, "{budget}"),
+            // The edge of the shadow moves.
+            Coarse => {
+                let pixels = picture.pixels().zip(on.pixels());
+                let moved = pixels.filter(|(a, b)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > 20)).count();
+                assert!(moved <= 200, "{budget}: {moved} pixels");
+            }
             CapGrid => {}
             Absent => assert_eq!(largest_difference(&picture, &off), 0, "{budget}"),
         }

@@ -2,6 +2,7 @@
 
 mod accumulated;
 mod adapter;
+mod diagnostics;
 mod end_to_end;
 mod lights;
 mod lights_exact;

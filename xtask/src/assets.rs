@@ -29,14 +29,24 @@ fn folder() -> PathBuf {
     cargo::workspace().join("assets").join("meshes")
 }
 
+/// All example meshes and their fields, sorted.
+pub(crate) fn files() -> Result<Vec<PathBuf>, TaskError> {
+    entries(&folder())
+}
+
 /// The mesh files in a folder, sorted.
 fn meshes(folder: &Path) -> Result<Vec<PathBuf>, TaskError> {
+    let mut meshes = entries(folder)?;
+    meshes.retain(|path| path.extension().is_some_and(|e| e == "glb"));
+    Ok(meshes)
+}
+
+fn entries(folder: &Path) -> Result<Vec<PathBuf>, TaskError> {
     let entries = fs::read_dir(folder).and_then(Iterator::collect::<Result<Vec<_>, _>>);
     let entries = entries.map_err(|source| TaskError::Folder { path: folder.to_owned(), source })?;
-    let paths = entries.into_iter().map(|entry| entry.path());
-    let mut meshes: Vec<PathBuf> = paths.filter(|path| path.extension().is_some_and(|e| e == "glb")).collect();
-    meshes.sort();
-    Ok(meshes)
+    let mut paths: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
+    paths.sort();
+    Ok(paths)
 }
 
 /// Whether a field is there and this build reads it: the command that reads fields decides.

@@ -1,8 +1,9 @@
-//! The two commands of the README, and one for maintainers:
+//! The two commands of the README, and two for maintainers:
 //!
 //! - `cargo xtask demo` builds, bakes and runs the example,
 //! - `cargo xtask test` runs every test,
-//! - `cargo xtask assets` makes the example meshes and their fields again.
+//! - `cargo xtask assets` makes the example meshes and their fields again,
+//! - `cargo xtask gpu-bench` packs what measures a GPU, for a machine without a compiler.
 //!
 //! All of them, and `.ci/run`, select the *whole workspace* in every call of cargo. Cargo unifies features over the packages
 //! that it is asked to build: a narrower selection would compile most of Bevy a second time.
@@ -11,6 +12,7 @@ mod assets;
 mod cargo;
 mod demo;
 mod driver;
+mod gpu_bench;
 
 use std::env;
 use std::ffi::OsString;
@@ -45,6 +47,15 @@ enum Task {
     },
     /// Make assets/meshes again: the example meshes and their fields
     Assets,
+    /// Pack what measures a GPU, with all it needs, for a machine that has one and no compiler
+    GpuBench {
+        /// A mesh to measure, any number of times; without one, the example meshes are
+        #[arg(long = "mesh", value_name = "PATH")]
+        meshes: Vec<PathBuf>,
+        /// Where the folder and the archive are made; target/gpu-bench if not said
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
 }
 
 /// Why a task failed. Every message says what to do, unless the command that failed has said so itself.
@@ -58,6 +69,8 @@ enum TaskError {
     NoExecutable { name: &'static str },
     #[error("{path}: {source}")]
     Folder { path: PathBuf, source: io::Error },
+    #[error("{path} has {bytes} bytes, more than {most}; pack fewer or smaller meshes")]
+    BundleTooLarge { path: PathBuf, bytes: u64, most: u64 },
     #[error(transparent)]
     Driver(#[from] driver::DriverError),
 }
@@ -67,6 +80,7 @@ fn main() -> ExitCode {
         Task::Demo { arguments } => demo::run(&arguments),
         Task::Test { arguments } => test(arguments),
         Task::Assets => assets::generate(),
+        Task::GpuBench { meshes, out } => gpu_bench::run(&meshes, out.as_deref()),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

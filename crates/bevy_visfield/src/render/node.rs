@@ -129,6 +129,8 @@ fn span_name(pass: &'static str) -> &'static str {
 
 #[cfg(test)]
 mod tests {
+    use bevy::diagnostic::DiagnosticPath;
+
     use super::*;
     use crate::diagnostics::FieldOcclusionDiagnosticsPlugin;
 
@@ -136,6 +138,6 @@ mod tests {
     fn spans_have_the_paths_that_are_told() {
         let paths = OcclusionPasses::GROUPS.map(|group| format!("render/{}/elapsed_gpu", span_name(group)));
         let told = FieldOcclusionDiagnosticsPlugin::GPU_PASSES;
-        assert_eq!(told.each_ref().map(|path| path.as_str()), paths.each_ref().map(String::as_str));
+        assert_eq!(told.each_ref().map(DiagnosticPath::as_str), paths.each_ref().map(String::as_str));
     }
 }
