@@ -11,9 +11,12 @@
 //! | --- | --- |
 //! | A | ambient occlusion on and off |
 //! | S | sun shadows on and off |
-//! | D | shows the occlusion itself: ambient, sun, off |
-//! | E | ambient occlusion by cap grids (no rays, no noise) or by rays |
+//! | D | shows the occlusion itself: ambient, each light, how much each tile looks at, off |
+//! | E | ambient occlusion as the quality says, by cap grids (no rays, no noise) or by rays |
 //! | Q | quality: low, medium, high, ultra |
+//! | L | lights: the sun alone, with a lamp, with a lamp and a spot |
+//! | T | accumulate frames: smoother where few rays are sent; look at creases while it moves |
+//! | B | the fields' bounds |
 //! | Space | pause |
 //! | Esc | quit |
 
@@ -24,6 +27,7 @@ use std::process::ExitCode;
 
 use bevy::anti_alias::fxaa::Fxaa;
 use bevy::prelude::*;
+use bevy_visfield::FieldBoundsGizmos;
 use bevy_visfield::bake::to_bevy_mesh;
 use bevy_visfield::prelude::*;
 use clap::Parser;
@@ -44,6 +48,12 @@ struct Options {
     /// What ambient occlusion is taken from
     #[arg(long, value_enum, default_value_t)]
     estimator: Estimator,
+    /// What is spent
+    #[arg(long, value_enum, default_value_t)]
+    quality: Quality,
+    /// Lights: the sun, then a lamp, then a spot
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=3))]
+    lights: u32,
     /// Show the occlusion itself in the frames
     #[arg(long, value_enum)]
     debug: Option<DebugView>,
@@ -51,8 +61,10 @@ struct Options {
 
 #[derive(clap::ValueEnum, Clone, Copy, Debug, Default)]
 enum Estimator {
-    /// Cap grids: one interpolated read per pixel and object
+    /// As the quality says
     #[default]
+    Quality,
+    /// Cap grids: one interpolated read per pixel and object
     Caps,
     /// Rays through tables
     Rays,
@@ -61,8 +73,29 @@ enum Estimator {
 impl From<Estimator> for OcclusionEstimator {
     fn from(estimator: Estimator) -> Self {
         match estimator {
+            Estimator::Quality => Self::ByQuality,
             Estimator::Caps => Self::CapGrid,
             Estimator::Rays => Self::Rays,
+        }
+    }
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug, Default)]
+enum Quality {
+    Low,
+    #[default]
+    Medium,
+    High,
+    Ultra,
+}
+
+impl From<Quality> for FieldOcclusionQuality {
+    fn from(quality: Quality) -> Self {
+        match quality {
+            Quality::Low => Self::Low,
+            Quality::Medium => Self::Medium,
+            Quality::High => Self::High,
+            Quality::Ultra => Self::Ultra,
         }
     }
 }
@@ -150,7 +183,7 @@ fn record(options: &Options, own_meshes: Option<OwnMeshes>) -> image::ImageResul
     add_scene(&mut headless.app, options.clone(), own_meshes);
     let target = headless.target();
     let mut commands = headless.app.world_mut().commands();
-    let camera = spawn_camera(&mut commands, options.estimator);
+    let camera = spawn_camera(&mut commands, options);
     commands.entity(camera).insert(target);
     match options.debug {
         Some(DebugView::Ambient) => drop(commands.entity(camera).insert(FieldDebugView::AmbientVisibility)),
@@ -182,6 +215,7 @@ fn wait_for_bakes(headless: &mut HeadlessApp) {
 fn spawn_scene(
     mut commands: Commands,
     server: Res<AssetServer>,
+    options: Res<Options>,
     own_meshes: Option<Res<OwnMeshes>>,
     mut meshes: ResMut<Assets<Mesh>>,
     mut materials: ResMut<Assets<StandardMaterial>>,
@@ -192,6 +226,38 @@ fn spawn_scene(
     };
     spawn_objects(&mut commands, &mut materials, &parts);
     spawn_surroundings(&mut commands, &mut meshes, &mut materials);
+    spawn_more_lights(&mut commands, options.lights);
+}
+
+/// Beside the sun: which of the lights it is, from 2.
+#[derive(Component)]
+struct MoreLight(u32);
+
+fn spawn_more_lights(commands: &mut Commands, lights: u32) {
+    let lamp =
+        PointLight { intensity: 250_000.0, radius: 0.12, range: 12.0, color: Color::srgb(1.0, 0.75, 0.5), ..default() };
+    let spot = SpotLight {
+        intensity: 1_500_000.0,
+        radius: 0.15,
+        range: 20.0,
+        outer_angle: 0.5,
+        inner_angle: 0.35,
+        color: Color::srgb(0.6, 0.75, 1.0),
+        ..default()
+    };
+    let aimed = Transform::from_xyz(4.5, 5.5, 4.5).looking_at(Vec3::new(0.5, 0.5, 0.0), Vec3::Y);
+    commands.spawn((
+        MoreLight(2),
+        lamp,
+        Transform::from_xyz(0.4, 2.5, 3.2),
+        shown(lights >= 2),
+        FieldShadows::default(),
+    ));
+    commands.spawn((MoreLight(3), spot, aimed, shown(lights >= 3), FieldShadows::default()));
+}
+
+fn shown(yes: bool) -> Visibility {
+    if yes { Visibility::Inherited } else { Visibility::Hidden }
 }
 
 /// The user's meshes as one object, brought to the size of the default ones.
@@ -204,13 +270,14 @@ fn own_parts(own: &[visfield_bake::Mesh], meshes: &mut Assets<Mesh>) -> ObjectPa
     ObjectParts { meshes, fields: Vec::new(), object_from_mesh }
 }
 
-fn spawn_camera(commands: &mut Commands, estimator: Estimator) -> Entity {
-    let occlusion = FieldOcclusion { estimator: estimator.into(), ..default() };
+fn spawn_camera(commands: &mut Commands, options: &Options) -> Entity {
+    let occlusion =
+        FieldOcclusion { estimator: options.estimator.into(), quality: options.quality.into(), ..default() };
     commands.spawn((Camera3d::default(), Msaa::Off, Fxaa::default(), camera_transform(), occlusion)).id()
 }
 
 fn spawn_window_camera(mut commands: Commands, options: Res<Options>) {
-    spawn_camera(&mut commands, options.estimator);
+    spawn_camera(&mut commands, &options);
 }
 
 #[derive(Resource, Default)]
@@ -228,6 +295,8 @@ fn press_keys(
     mut paused: ResMut<Paused>,
     mut exit: MessageWriter<AppExit>,
     suns: Query<(Entity, Has<FieldShadows>), With<DirectionalLight>>,
+    mut more_lights: Query<(&MoreLight, &mut Visibility)>,
+    mut gizmos: ResMut<GizmoConfigStore>,
     mut cameras: Query<(Entity, &mut FieldOcclusion, Option<&FieldDebugView>)>,
 ) {
     if keys.just_pressed(KeyCode::Escape) {
@@ -246,14 +315,27 @@ fn press_keys(
             };
         }
     }
+    if keys.just_pressed(KeyCode::KeyB) {
+        let bounds = gizmos.config_mut::<FieldBoundsGizmos>().0;
+        bounds.enabled = !bounds.enabled;
+    }
+    let count = lights(more_lights.iter().map(|(_, visibility)| visibility));
+    if keys.just_pressed(KeyCode::KeyL) {
+        let next = count % 3 + 1;
+        more_lights.iter_mut().for_each(|(light, mut visibility)| *visibility = shown(light.0 <= next));
+    }
     for (camera, mut occlusion, view) in &mut cameras {
+        if keys.just_pressed(KeyCode::KeyT) {
+            occlusion.accumulate = !occlusion.accumulate;
+        }
         if keys.just_pressed(KeyCode::KeyA) {
             occlusion.ambient_occlusion = !occlusion.ambient_occlusion;
         }
         if keys.just_pressed(KeyCode::KeyE) {
             occlusion.estimator = match occlusion.estimator {
+                OcclusionEstimator::ByQuality => OcclusionEstimator::CapGrid,
                 OcclusionEstimator::CapGrid => OcclusionEstimator::Rays,
-                _ => OcclusionEstimator::CapGrid,
+                OcclusionEstimator::Rays => OcclusionEstimator::ByQuality,
             };
         }
         if keys.just_pressed(KeyCode::KeyQ) {
@@ -270,10 +352,19 @@ fn press_keys(
             match view {
                 None => camera.insert(FieldDebugView::AmbientVisibility),
                 Some(FieldDebugView::AmbientVisibility) => camera.insert(FieldDebugView::Light(0)),
-                Some(_) => camera.remove::<FieldDebugView>(),
+                Some(FieldDebugView::Light(light)) if light + 1 < count => {
+                    camera.insert(FieldDebugView::Light(light + 1))
+                }
+                Some(FieldDebugView::Light(_)) => camera.insert(FieldDebugView::TileLoad),
+                Some(FieldDebugView::TileLoad) => camera.remove::<FieldDebugView>(),
             };
         }
     }
+}
+
+/// How many lights are on, the sun included.
+fn lights<'a>(more: impl Iterator<Item = &'a Visibility>) -> u32 {
+    1 + more.filter(|visibility| **visibility != Visibility::Hidden).count() as u32
 }
 
 #[derive(Component)]
@@ -288,22 +379,26 @@ fn show_help(
     mut help: Single<&mut Text, With<Help>>,
     cameras: Query<(&FieldOcclusion, Option<&FieldDebugView>)>,
     shadowed: Query<(), (With<DirectionalLight>, With<FieldShadows>)>,
+    more_lights: Query<&Visibility, With<MoreLight>>,
     bakes: Query<&BakeProgress>,
 ) {
     let Ok((occlusion, view)) = cameras.single() else { return };
     let on = |on: bool| if on { "on" } else { "off" };
     let view = match view {
-        None => "picture",
-        Some(FieldDebugView::AmbientVisibility) => "ambient visibility",
-        Some(_) => "sun visibility",
+        None => "picture".to_owned(),
+        Some(FieldDebugView::AmbientVisibility) => "ambient visibility".to_owned(),
+        Some(FieldDebugView::Light(light)) => format!("visibility of light {}", light + 1),
+        Some(FieldDebugView::TileLoad) => "load of tiles".to_owned(),
     };
     let mut text = format!(
-        "A ambient occlusion: {}   E by: {}   S sun shadows: {}   D view: {view}   Q quality: {:?}   Space pause   \
-         Esc quit",
+        "A ambient occlusion: {}   E by: {:?}   S sun shadows: {}   L lights: {}   D view: {view}\n\
+         Q quality: {:?}   T accumulate: {}   B bounds   Space pause   Esc quit",
         on(occlusion.ambient_occlusion),
-        if occlusion.estimator == OcclusionEstimator::Rays { "rays" } else { "cap grids" },
+        occlusion.estimator,
         on(!shadowed.is_empty()),
+        lights(more_lights.iter()),
         occlusion.quality,
+        on(occlusion.accumulate),
     );
     if let Some(progress) = bakes.iter().map(|progress| progress.0).min_by(f32::total_cmp) {
         let _ = write!(text, "\nbaking: {:.0} %", progress * 100.0);

@@ -122,6 +122,9 @@ pub fn install(app: &mut App) {
 }
 
 /// Renders frames until the first of them has been read back.
+///
+/// # Panics
+/// If the app has no [`FrameProbe`], or the frame never arrives.
 pub fn read(headless: &mut HeadlessApp) -> ProbedFrame {
     let probe = headless.app.world().resource::<FrameProbe>().clone();
     probe.request();

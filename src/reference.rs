@@ -34,8 +34,9 @@ impl ReferenceMeshes {
     /// # Errors
     /// If a file is missing or is no mesh.
     pub fn read() -> Result<Self, visfield_bake::ReadError> {
-        let read =
-            |name| Ok(visfield_bake::read_meshes(&Path::new(ASSETS.as_str()).join(format!("meshes/{name}.glb")))?.remove(0));
+        let read = |name| {
+            Ok(visfield_bake::read_meshes(&Path::new(ASSETS.as_str()).join(format!("meshes/{name}.glb")))?.remove(0))
+        };
         MESHES.into_iter().map(read).collect::<Result<_, _>>().map(Self)
     }
 

@@ -249,7 +249,9 @@ fn cell(number: Option<f64>) -> String {
 
 fn print_row(name: &str, cells: &[String]) {
     print!("{name:<26}");
-    cells.iter().for_each(|cell| print!("{cell:>12}"));
+    for cell in cells {
+        print!("{cell:>12}");
+    }
     println!();
 }
 

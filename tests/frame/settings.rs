@@ -134,13 +134,14 @@ fn cameras_side_by_side_show_their_own() {
     assert!(mean > 0.0 && mean < 1.0, "{mean} of 255 apart in the mean");
 }
 
+/// As large as to be seen a million units away at all: positions there come in sixteenths.
+const SCALE: f32 = 64.0;
+
 #[test]
 fn a_million_units_away_looks_as_at_the_origin() {
     if !adapter::available() {
         return;
     }
-    // As large as to be seen there at all: positions a million units away come in sixteenths.
-    const SCALE: f32 = 64.0;
     let pictures = [Vec3::ZERO, Vec3::new(1.0e6, 0.0, -1.0e6)].map(|place| {
         let mut stage = Stage::with_field(Shading::Forward, SIZE, ball_with_caps(true));
         let world = stage.headless.app.world_mut();

@@ -1,7 +1,8 @@
-//! The two commands of the README, and two for maintainers:
+//! The two commands of the README, and three for maintainers:
 //!
 //! - `cargo xtask demo` builds, bakes and runs the example,
 //! - `cargo xtask test` runs every test,
+//! - `cargo xtask examples` runs every example without a window,
 //! - `cargo xtask assets` makes the example meshes and their fields again,
 //! - `cargo xtask gpu-bench` packs what measures a GPU, for a machine without a compiler.
 //!
@@ -12,6 +13,7 @@ mod assets;
 mod cargo;
 mod demo;
 mod driver;
+mod examples;
 mod gpu_bench;
 
 use std::env;
@@ -45,6 +47,8 @@ enum Task {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         arguments: Vec<OsString>,
     },
+    /// Run every example headless, a few small frames each
+    Examples,
     /// Make assets/meshes again: the example meshes and their fields
     Assets,
     /// Pack what measures a GPU, with all it needs, for a machine that has one and no compiler
@@ -79,6 +83,7 @@ fn main() -> ExitCode {
     let result = match Cli::parse().task {
         Task::Demo { arguments } => demo::run(&arguments),
         Task::Test { arguments } => test(arguments),
+        Task::Examples => examples::run(),
         Task::Assets => assets::generate(),
         Task::GpuBench { meshes, out } => gpu_bench::run(&meshes, out.as_deref()),
     };

@@ -83,10 +83,10 @@ pub struct LightView {
 }
 
 /// Largest sine of the cone that a ball is seen in; nearer receivers, and those in it, see a disc of that size.
-const WIDEST_SINE: f32 = 0.932_039_09;
+pub(super) const WIDEST_SINE: f32 = 0.932_039_1;
 
 /// Stands for no distance at all.
-const SMALLEST_DISTANCE: f32 = 1.0e-18;
+pub(super) const SMALLEST_DISTANCE: f32 = 1.0e-18;
 
 /// Stands for infinity, which WGSL has no portable word for.
 const ENDLESS: f32 = 3.0e38;

@@ -57,7 +57,7 @@ impl TileLists {
     /// Lists for a viewport, with room for as many entries as the last frame that was heard of needed.
     pub(super) fn fit(kept: &mut Option<Self>, device: &wgpu::Device, viewport: UVec2) {
         let tiles = tiles(viewport);
-        let needed = kept.as_ref().map_or(0, |lists| lists.entries());
+        let needed = kept.as_ref().map_or(0, Self::entries);
         let first = tiles.element_product() * FIRST_ENTRIES_PER_TILE;
         // What the adapter can bind limits it; lists beyond that are of all instances.
         let largest = u64::from(device.limits().max_storage_buffer_binding_size.min(u32::MAX.into()) as u32) / 4;

@@ -103,6 +103,26 @@ impl FrameInputs<'_> {
     pub fn pages(lights: usize) -> u32 {
         (lights.min(MAX_LIGHTS) as u32 + 4) / 4
     }
+
+    /// What the inputs say by themselves.
+    fn uniform(&self, lights: &[Light], settings: &TraceSettings) -> FrameUniform {
+        let (origin, size) = self.viewport;
+        FrameUniform {
+            world_from_clip: self.world_from_clip.to_cols_array_2d(),
+            viewport_origin: origin.to_array(),
+            viewport_size: size.to_array(),
+            trace_size: settings.resolution.traced_size(size).to_array(),
+            trace_scale: settings.resolution.scale(),
+            show_tile_load: if self.show_tile_load { TILE_LOAD_SHOWN } else { 0 },
+            screen_space: match self.screen_space.map(|other| other.combination) {
+                None => 0,
+                Some(ScreenSpaceCombination::Darker) => 1,
+                Some(ScreenSpaceCombination::Product) => 2,
+            },
+            page_rows: self.page_rows,
+            ..FrameUniform::new(lights, settings)
+        }
+    }
 }
 
 /// Screen-space ambient occlusion to be joined with that of fields.
@@ -243,24 +263,12 @@ impl OcclusionPasses {
         let Prepared { frame, instances: instance_buffer, samples, lists, traced, history, is_history } =
             view.prepare((device, queue), &settings, instances.len(), size, needed);
         let uniform = FrameUniform {
-            world_from_clip: inputs.world_from_clip.to_cols_array_2d(),
-            viewport_origin: inputs.viewport.0.to_array(),
-            viewport_size: size.to_array(),
-            trace_size: trace_size.to_array(),
-            trace_scale: settings.resolution.scale(),
             instance_count: instances.len() as u32,
             traced: u32::from(rays),
-            show_tile_load: if inputs.show_tile_load { TILE_LOAD_SHOWN } else { 0 },
-            screen_space: match inputs.screen_space.map(|other| other.combination) {
-                None => 0,
-                Some(ScreenSpaceCombination::Darker) => 1,
-                Some(ScreenSpaceCombination::Product) => 2,
-            },
             tiles: lists.tiles().to_array(),
             list_capacity: lists.capacity(),
-            page_rows: inputs.page_rows,
             blend: if is_history { BLEND } else { 1.0 },
-            ..FrameUniform::new(lights, &settings)
+            ..inputs.uniform(lights, &settings)
         };
         queue.write_buffer(frame, 0, bytemuck::bytes_of(&uniform));
         queue.write_buffer(instance_buffer, 0, bytemuck::cast_slice(instances));
@@ -285,7 +293,7 @@ impl OcclusionPasses {
 
         encoded.group("tiles", |encoded| {
             lists.clear(encoded.encoder);
-            let of_surfaces = [&surfaces[..], &[list_binding.clone()]].concat();
+            let of_surfaces = [&surfaces[..], std::slice::from_ref(&list_binding)].concat();
             encoded.pass("field occlusion tile bounds", &self.tile_bounds, &of_surfaces, tile_groups);
             let of_instances = [frame.clone(), instance_binding, list_binding];
             encoded.pass("field occlusion blocks", &self.list_blocks, &of_instances, [blocks.x, blocks.y, 1]);

@@ -3,7 +3,7 @@
 const DIRECTIONAL: u32 = 0u;
 const SPHERE: u32 = 1u;
 const RECTANGLE: u32 = 2u;
-const WIDEST_SINE: f32 = 0.93203909;
+const WIDEST_SINE: f32 = 0.9320391;
 const SMALLEST_DISTANCE: f32 = 1.0e-18;
 const ENDLESS: f32 = 3.0e38;
 

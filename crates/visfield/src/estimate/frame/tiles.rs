@@ -5,7 +5,7 @@
 
 use glam::Vec3;
 
-use crate::estimate::light::{Light, LightKind};
+use crate::estimate::light::{Light, LightKind, SMALLEST_DISTANCE, WIDEST_SINE};
 use crate::field::cap_grid::cap::CUTOFF;
 
 /// Boxes around the positions and the normals of a few receivers.
@@ -27,12 +27,6 @@ pub struct Bounds {
     /// Largest components of the normals.
     pub normal_high: Vec3,
 }
-
-/// Largest sine of the cone that a ball is seen in.
-const WIDEST_SINE: f32 = 0.932_039_09;
-
-/// Stands for no distance at all.
-const SMALLEST_DISTANCE: f32 = 1.0e-18;
 
 impl Bounds {
     /// Around no receivers.

@@ -86,7 +86,7 @@ struct Ray {
 /// An occluder of which something is above a receiver's horizon.
 struct Facing<'a> {
     occluder: &'a FrameOccluder<'a>,
-    facing: FacingOccluder<'a>,
+    rays: FacingOccluder<'a>,
     to_center: Vec3,
     position: Vec3,
 }
@@ -97,8 +97,8 @@ impl<'a> Facing<'a> {
         if !above_surface(to_center, occluder.placement.radius, receiver.normal) || is_spared(occluder, receiver) {
             return None;
         }
-        let facing = FacingOccluder::new(&occluder.placement, occluder.field, receiver.position, receiver.normal);
-        Some(Self { occluder, facing, to_center, position: receiver.position })
+        let rays = FacingOccluder::new(&occluder.placement, occluder.field, receiver.position, receiver.normal);
+        Some(Self { occluder, rays, to_center, position: receiver.position })
     }
 
     fn is_reached(&self, max_distance: f32) -> bool {
@@ -125,7 +125,7 @@ impl<'a> Facing<'a> {
 fn blocked_share(rays: &[Ray], residue: u32, occluders: &[(&Facing, f32)], settings: &TraceSettings) -> f32 {
     let blocked = |ray: &&Ray| {
         occluders.iter().any(|(facing, share)| {
-            is_sent(ray.number, residue, *share) && facing.facing.blocks(ray.direction, ray.t_max, settings.bias)
+            is_sent(ray.number, residue, *share) && facing.rays.blocks(ray.direction, ray.t_max, settings.bias)
         })
     };
     rays.iter().filter(blocked).count() as f32 / rays.len().max(1) as f32
