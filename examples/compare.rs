@@ -206,12 +206,12 @@ impl Question {
     fn new(
         frame: ProbedFrame,
         meshes: &Meshes,
-        clock: &SceneClock,
+        seconds: f32,
         options: &Options,
         (sun, shadows): (&GlobalTransform, &FieldShadows),
     ) -> Self {
         let sun = Light::directional(sun.back().into(), shadows.angular_radius);
-        Self { frame, meshes: meshes.0.clone(), seconds: clock.0, rays: options.reference_rays, sun }
+        Self { frame, meshes: meshes.0.clone(), seconds, rays: options.reference_rays, sun }
     }
 
     /// `None` if it was cancelled.
@@ -270,7 +270,7 @@ fn record(options: Options, meshes: Meshes) -> image::ImageResult<()> {
         let world = headless.app.world_mut();
         let sun = world.query::<(&GlobalTransform, &FieldShadows)>().single(world).expect("one sun has field shadows");
         let (meshes, clock, options) =
-            (world.resource::<Meshes>(), world.resource::<SceneClock>(), world.resource::<Options>());
+            (world.resource::<Meshes>(), world.resource::<SceneClock>().0, world.resource::<Options>());
         let question = Question::new(frame, meshes, clock, options, sun);
         let answer = question.answer(&Progress::default()).expect("nobody cancels it");
         println!("{:.2} s, ambient occlusion: {}", question.seconds, answer.ambient);
@@ -389,7 +389,7 @@ fn pane_size(world: &mut World) -> Option<UVec2> {
 fn begin(world: &mut World, frame: ProbedFrame) -> Job {
     let Ok(sun) = world.query::<(&GlobalTransform, &FieldShadows)>().single(world) else { return Job::Idle };
     let (meshes, clock, options) =
-        (world.resource::<Meshes>(), world.resource::<SceneClock>(), world.resource::<Options>());
+        (world.resource::<Meshes>(), world.resource::<SceneClock>().0, world.resource::<Options>());
     let size = frame.geometry.size;
     let question = Question::new(frame, meshes, clock, options, sun);
     let progress = Arc::new(Progress::default());
