@@ -190,7 +190,7 @@ impl Default for Casting {
     }
 }
 
-/// An instance in a frame. See [`occlusion`](resolve::occlusion) for an example.
+/// An instance in a frame. See [`visibility`](resolve::visibility) for an example.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameOccluder<'a> {
     /// Where it is, relative to the camera.
@@ -232,7 +232,7 @@ impl ReceiverFlags {
 }
 
 /// A surface point of the frame, relative to the camera; depth 0 (infinity, reversed z) means there is none. See
-/// [`occlusion`](resolve::occlusion) for an example.
+/// [`visibility`](resolve::visibility) for an example.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameReceiver {
     /// Where it is, relative to the camera.
@@ -245,7 +245,7 @@ pub struct FrameReceiver {
     pub flags: ReceiverFlags,
 }
 
-/// A frame's depth and normals, and where they lie. See [`occlusion`](resolve::occlusion) for an example.
+/// A frame's depth and normals, and where they lie. See [`visibility`](resolve::visibility) for an example.
 #[derive(Clone, Debug)]
 pub struct GeometryBuffer {
     /// From clip space to the world relative to the camera.

@@ -12,7 +12,7 @@ use crate::estimate::source::OcclusionSource;
 use crate::estimate::{FacingOccluder, cosine_direction};
 
 /// Traces every pixel of [what is traced](super::TraceResolution::traced_size), row by row. Noisy; see
-/// [`denoise`](super::denoise::denoise), and [`occlusion`](super::resolve::occlusion) for an example.
+/// [`denoise`](super::denoise::denoise), and [`visibility`](super::resolve::visibility) for an example.
 ///
 /// # Panics
 /// If depth or normals do not hold one value per pixel.
