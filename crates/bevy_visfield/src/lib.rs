@@ -25,23 +25,41 @@
 //!
 //! Materials stay unmodified `StandardMaterial`s, forward or deferred. The data's path: [`asset`] loads fields,
 //! `render/` extracts instances, prepares a camera's frame, runs the node between prepass and main pass, and hands the
-//! result to Bevy's PBR shader. Feature `bake` adds `bake`: fields baked at run time, in the background.
+//! result to Bevy's PBR shader. Feature `bake` adds `bake`: fields baked at run time, in the background. Feature `gizmos` adds
+//! `FieldBoundsGizmos`, which draws the bounds of fields.
+//!
+//! - [`FieldShadows`] makes the shadows of a light of any kind, as soft as the light is large; [`FieldOcclusion`] has a camera's
+//!   settings, [`FieldOcclusionQuality`] the presets.
+//! - [`NotFieldOccluder`], [`NotFieldAmbientOccluder`], [`NotFieldShadowCaster`], [`NotFieldReceiver`] and [`OwnSurfaceOcclusion`]
+//!   opt single entities out.
+//! - [`FieldMemoryBudget`] bounds the GPU memory of fields.
+//! - [`why_no_shadow`], [`FieldDebugView`] and [`FieldOcclusionDiagnosticsPlugin`] tell what goes on.
 //!
 //! # Limits
 //! - Opaque and alpha-masked surfaces receive occlusion. Transparent ones are lit by what lies behind them, as with Bevy's
 //!   own screen-space ambient occlusion.
-//! - Every camera masks the eleven lights that matter most to it; others stay unshadowed, with one warning.
-//! - A field with a cap grid alone casts no shadows, but of lights of 15° and more if it was baked with `--order 3`.
+//! - Every camera masks the eleven lights that matter most to it: directional ones, then those that are brightest there. Others stay
+//!   unshadowed, with one warning. So do some of them on pictures so tall that their masks exceed the GPU's largest texture.
+//! - Bevy's `RectLight` needs Bevy's cargo feature `area_light_luts`; without it, Bevy draws no light of it.
+//! - A field with a cap grid alone casts no shadows, but of directional lights of 15° of half-angle and more if it was baked with
+//!   `--order 3`.
 //! - Cap grids do not resolve what is smaller than their cells: contacts are soft, and an object's own creases shallow.
 //!   [`OcclusionEstimator::Rays`] shows more of both.
 //! - Light that a material lets through (`diffuse_transmission`) is not shadowed by fields.
-//! - [`FieldOcclusion`] takes the place of Bevy's `ScreenSpaceAmbientOcclusion` on its camera, and like it needs
-//!   `Msaa::Off`. Bevy still allocates that effect's textures.
+//! - [`FieldOcclusion`] needs `Msaa::Off`, and a viewport of 16 pixels or more. Its result takes the place of that of Bevy's
+//!   `ScreenSpaceAmbientOcclusion`, whose textures Bevy still allocates. If the camera has that effect too, both are
+//!   combined, as [`ScreenSpaceOcclusion`] says.
+//! - The two upper bits of an entity's `MeshTag` are taken where it has [`NotFieldReceiver`] or [`OwnSurfaceOcclusion`].
+//! - Shadows and these two components reach Bevy's shaders by patches of their text, made for Bevy 0.19. If the text is another, one
+//!   error says what is missing.
 
-// The code in the README compiles.
+// The code in the README and the guide compiles.
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]
 struct Readme;
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/guide.md")]
+struct Guide;
 
 pub mod asset;
 #[cfg(feature = "bake")]

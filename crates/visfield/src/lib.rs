@@ -8,7 +8,8 @@
 //!    field's table; and ambient occlusion without rays by its [cap grid](CapGrid),
 //! 3. [`scene`] places instances of fields in a world,
 //! 4. [`raycast`] answers a game's own rays against a whole scene,
-//! 5. [`estimate`] turns many rays into ambient occlusion and sun visibility on the CPU, and combines the cap grids of a scene,
+//! 5. [`estimate`] turns many rays into ambient occlusion and the soft shadows of lights on the CPU, and combines the cap grids of a
+//!    scene,
 //! 6. [`gpu`](mod@gpu) (feature `gpu`) does the same for every pixel of a frame, in plain WGSL compute passes.
 //!
 //! *Occlusion* is 0 where nothing is in the way and 1 where everything is; *visibility* is 1 − occlusion.

@@ -1,8 +1,20 @@
 //! Occlusion of whole frames on the GPU: plain WGSL compute passes on raw `wgpu`.
 //!
 //! [`FieldPool`] keeps the parts of all fields in one storage buffer, [`layout`] is what the shaders read, and
-//! [`OcclusionPasses::encode`] makes one camera's frame of cap grids, of rays and their filter, or of both. The application brings device, queue and encoder;
-//! everything runs within [`wgpu::Limits::default`].
+//! [`OcclusionPasses::encode`] makes one camera's frame of cap grids, of rays and their filter, or of both: ambient visibility, and
+//! that of up to [`MAX_LIGHTS`](crate::estimate::frame::MAX_LIGHTS) lights. [`OcclusionView`] is what a camera keeps from frame to
+//! frame. The application brings device, queue and encoder; everything runs within [`wgpu::Limits::default`].
+//!
+//! A frame has five groups of passes, of which only those run that it needs:
+//!
+//! 1. *tiles* lists for each tile of 16×16 pixels the instances that can matter there. Lists drop nothing: a tile whose list finds
+//!    no room looks at all instances, until the buffer has grown,
+//! 2. *trace* sends rays, from every pixel or from every second one of every second row,
+//! 3. *denoise* filters what they found,
+//! 4. *accumulate* joins it with the frames before, by motion vectors,
+//! 5. *resolve* asks cap grids, joins screen-space ambient occlusion of another kind, and writes [`OUTPUT_FORMAT`].
+//!
+//! [`PassTimer`] hears of each group.
 //!
 //! The WGSL sources are plain, without preprocessor directives, and joined by concatenation, a source for each stage:
 //! [`tiles_source`], [`trace_source`], [`denoise_source`], [`accumulate_source`], [`resolve_source`]. Each of their functions has
