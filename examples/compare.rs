@@ -2,11 +2,13 @@
 //! fields, with exact rays against the triangles, and the difference between fields and exact rays.
 //!
 //! Look at what the screen does not show: the floor under the chairs and the walls behind the knots stay light in Bevy's
-//! pane, and dark in the others. Its sun has a hard edge everywhere; the others' widens. The pane of exact rays is shaded by
-//! Bevy too, from the same materials, with exact visibility in the place of what fields find: it differs from the fields' pane in
-//! nothing else. The last pane is grey where both agree; brighter where fields let too much light through, darker where too
-//! little, five times exaggerated, as a share of the light that would fall there without any occluder. What remains are edges of
-//! penumbrae, contacts, and creases of the objects themselves.
+//! pane, and dark in the others. Its sun has a hard edge everywhere; the others' widens. Its ambient occlusion has its default
+//! quality, high, and is rendered into an image of its own, because its shaders know nothing of viewports.
+//!
+//! The pane of exact rays is shaded by Bevy too, from the same materials, with exact visibility in the place of what fields
+//! find: it differs from the fields' pane in nothing else. The last pane is grey where both agree; brighter where fields let too
+//! much light through, darker where too little, five times exaggerated, as a share of the light that would fall there without
+//! any occluder. What remains are edges of penumbrae, contacts, and creases of the objects themselves.
 //!
 //! `cargo run --example compare` opens a window, where exact rays are sent in the background while the scene is paused;
 //! `--headless` records frames with a reference each, and prints the mean absolute errors.
@@ -30,6 +32,7 @@ use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy::tasks::futures::check_ready;
 use bevy::tasks::{AsyncComputeTaskPool, Task};
+use bevy::ui::widget::ViewportNode;
 use bevy_visfield::prelude::*;
 use clap::Parser;
 use visfield::estimate::light::Light;
@@ -76,6 +79,10 @@ const FIELD_LAYER: usize = 1;
 const MAP_LAYER: usize = 2;
 /// Where nothing is.
 const EMPTY_LAYER: usize = 3;
+
+/// The least width and height of the picture with Bevy's SSAO, in pixels: it makes five mip levels, too many for what a
+/// minimised window leaves.
+const LEAST_SSAO: u32 = 32;
 
 fn main() -> ExitCode {
     let options = Options::parse();
@@ -150,33 +157,43 @@ fn split_sun(
     }
 }
 
-fn spawn_panes(mut commands: Commands, target: Res<Target>) {
-    let names = ["visibility fields", "Bevy: SSAO and shadow maps", "exact rays", "fields − exact, ×5"];
-    let [fields, maps, exact, difference] = std::array::from_fn(|i| {
-        // Bevy's screen-space ambient occlusion is read as if its viewport began at the first pixel of the target.
-        let cell = [UVec2::X, UVec2::ZERO, UVec2::Y, UVec2::ONE][i];
-        let camera = Camera { order: i as isize, ..default() };
-        let pane = Pane { cell, grid: UVec2::splat(2) };
-        let mut camera =
-            commands.spawn((Camera3d::default(), camera, Msaa::Off, Fxaa::default(), camera_transform(), pane));
+fn spawn_panes(mut commands: Commands, target: Res<Target>, mut images: ResMut<Assets<Image>>) {
+    // Bevy's default font knows ASCII alone.
+    let names = ["Bevy: SSAO and shadow maps", "visibility fields", "exact rays", "fields minus exact, 5 times"];
+    let view =
+        |order| (Camera3d::default(), Camera { order, ..default() }, Msaa::Off, Fxaa::default(), camera_transform());
+    let panes = std::array::from_fn(|i| {
+        let cell = uvec2(i as u32 % 2, i as u32 / 2);
+        let mut camera = commands.spawn((view(i as isize), Pane { cell, grid: UVec2::splat(2) }));
         if let Some(target) = &target.0 {
             camera.insert(target.clone());
         }
         camera.id()
     });
+    for (camera, name) in panes.into_iter().zip(names) {
+        commands.spawn(label(camera, name));
+    }
+    let [maps, fields, exact, difference] = panes;
     let with_layer = |layer| RenderLayers::layer(0).with(layer);
+    // Below the labels, in whatever order nodes are found.
+    let back = ZIndex(-1);
+    let all = Node { width: percent(100), height: percent(100), position_type: PositionType::Absolute, ..default() };
+    // Bevy's screen-space ambient occlusion takes any viewport for the whole target. So its camera has an image as its target,
+    // which this pane's node shows and keeps as large as itself.
+    let image = images.add(Image::new_target_texture(LEAST_SSAO, LEAST_SSAO, TextureFormat::Rgba8UnormSrgb, None));
+    let occlusion = ScreenSpaceAmbientOcclusion::default();
+    let alone = commands.spawn((view(-1), RenderTarget::Image(image.into()), occlusion, with_layer(MAP_LAYER))).id();
+    let least = px(LEAST_SSAO as f32);
+    let large_enough = Node { min_width: least, min_height: least, ..all.clone() };
+    commands.spawn((large_enough, ViewportNode::new(alone), back, UiTargetCamera(maps)));
+    commands.entity(maps).insert(RenderLayers::layer(EMPTY_LAYER));
     let occlusion = FieldOcclusion { quality: FieldOcclusionQuality::High, ..default() };
     commands.entity(fields).insert((occlusion, ProbedCamera, with_layer(FIELD_LAYER)));
-    commands.entity(maps).insert((ScreenSpaceAmbientOcclusion::default(), with_layer(MAP_LAYER)));
     // What it finds is replaced, so it may be cheap.
     let replaced = FieldOcclusion { quality: FieldOcclusionQuality::Low, ..default() };
     commands.entity(exact).insert((replaced, RenderLayers::layer(EMPTY_LAYER)));
     commands.entity(difference).insert(RenderLayers::layer(EMPTY_LAYER));
-    let all = Node { width: percent(100), height: percent(100), position_type: PositionType::Absolute, ..default() };
-    let picture = commands.spawn((all, ImageNode::default(), UiTargetCamera(difference))).id();
-    for (camera, name) in [fields, maps, exact, difference].into_iter().zip(names) {
-        commands.spawn(label(camera, name));
-    }
+    let picture = commands.spawn((all, ImageNode::default(), back, UiTargetCamera(difference))).id();
     let text = commands.spawn(help(exact, "pause to trace")).id();
     commands.insert_resource(ReferencePane { camera: exact, text, difference: picture });
     if target.0.is_none() {
