@@ -96,7 +96,8 @@ fn add_scene(app: &mut App, options: &Options, shapes: &[BakedShape]) {
 }
 
 fn camera(options: &Options) -> impl Bundle {
-    let occlusion = FieldOcclusion { max_distance: MAX_DISTANCE, ..default() };
+    // The tables are small, for a quick start; this keeps their cells from shadowing themselves.
+    let occlusion = FieldOcclusion { max_distance: MAX_DISTANCE, bias: 2.5, ..default() };
     let view = options.tile_load.then_some(FieldDebugView::TileLoad);
     (Camera3d::default(), IsDefaultUiCamera, Msaa::Off, Fxaa::default(), flying_camera(0.0), occlusion, DebugView(view))
 }

@@ -41,7 +41,7 @@ for mesh in "$here"/meshes/*; do
     name="gpu_${name%.*}"
     measure "$name" "$here/bin/visfield" measure gpu --mesh "$mesh" --json "$out/$name.json"
 done
-measure paper2010 "$here/bin/visfield" measure paper2010 --json "$out/paper2010.json"
+measure paper2010 "$here/bin/visfield" measure paper2010 --mesh "$here"/meshes/* --json "$out/paper2010.json"
 
 echo "results are in $out"
 if [ -n "$failed" ]; then

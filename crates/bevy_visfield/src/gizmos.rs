@@ -24,7 +24,7 @@ use crate::components::{NotFieldOccluder, VisibilityField3d};
 pub struct FieldBoundsGizmos {
     /// Of what occludes.
     pub color: Color,
-    /// Of what is marked with [`NotFieldOccluder`].
+    /// Of what is hidden, or marked with [`NotFieldOccluder`].
     pub idle_color: Color,
 }
 
@@ -45,15 +45,15 @@ pub(crate) fn plugin(app: &mut App) {
 fn draw_bounds(
     mut gizmos: Gizmos<FieldBoundsGizmos>,
     fields: Res<Assets<VisibilityField>>,
-    occluders: Query<(&VisibilityField3d, &GlobalTransform, Has<NotFieldOccluder>)>,
+    occluders: Query<(&VisibilityField3d, &GlobalTransform, &InheritedVisibility, Has<NotFieldOccluder>)>,
 ) {
     if !gizmos.config.enabled {
         return;
     }
-    for (field, transform, idle) in &occluders {
+    for (field, transform, visibility, idle) in &occluders {
         let Some(field) = fields.get(field.id()) else { continue };
         let world_from_field = transform.affine().as_daffine3() * field.header().bounds.mesh_from_field();
-        let color = if idle { gizmos.config_ext.idle_color } else { gizmos.config_ext.color };
+        let color = if idle || !visibility.get() { gizmos.config_ext.idle_color } else { gizmos.config_ext.color };
         for [first, second] in [[DVec3::X, DVec3::Y], [DVec3::Y, DVec3::Z], [DVec3::Z, DVec3::X]] {
             let on_circle = |line: u16| -> Vec3 {
                 let (sin, cos) = (f64::from(line) / f64::from(LINES) * std::f64::consts::TAU).sin_cos();

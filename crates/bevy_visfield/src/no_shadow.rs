@@ -15,7 +15,8 @@ use crate::asset::VisibilityField;
 use crate::components::{FieldOcclusion, FieldShadows, NotFieldOccluder, NotFieldShadowCaster, VisibilityField3d};
 use crate::render::{FieldLevel, RenderFeedback};
 
-/// Why an entity casts no field shadow. Its text says what to do next.
+/// Why an entity casts no field shadow. Its text says what to do next. (Where a camera sees more lights with
+/// [`FieldShadows`] than it has masks for, the log names those that are left out, and this does not.)
 ///
 /// | code | reason |
 /// | --- | --- |

@@ -1,5 +1,5 @@
-//! Ambient occlusion and sun visibility at a point, by many rays against a [`Scene`]: the CPU twin of the frame's trace
-//! pass, and the estimator for anything that is not a pixel (light probes, gameplay).
+//! Ambient occlusion and the visibility of a directional light at a point, by many rays against a [`Scene`]: the estimator for
+//! anything that is not a pixel (light probes, gameplay). [`frame`] has whole frames, and [`light`] lights of every kind.
 
 pub mod caps;
 mod falloff;

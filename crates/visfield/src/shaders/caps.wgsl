@@ -1,4 +1,4 @@
-// Ambient occlusion, and that of large lights, by cap grids, without rays and without noise. Twins: field/cap_grid/{warp,cap,mod,batch}.rs
+// Ambient occlusion, and that of large lights, by cap grids, without rays and without noise. Twins: field/cap_grid/{warp,cap,mod,harmonics,batch}.rs
 // and estimate/caps.rs, same names, same order of operations. Joined after frame.wgsl, light.wgsl, instance.wgsl, lists.wgsl and
 // listed.wgsl.
 
