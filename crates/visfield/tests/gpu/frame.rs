@@ -43,6 +43,10 @@ fn geometry() -> GeometryBuffer {
         let hit = along * (height / along.y);
         let view_depth = world_from_view.inverse().transform_point3(hit).z;
         let visible = along.y < -0.05;
+        // As wide as one pixel: where every second one is traced, none of it is.
+        if pixel.x == 27 {
+            geometry.normals[(pixel.y * SIZE.x + pixel.x) as usize] = vec4(0.6, 0.8, 0.0, 1.0);
+        }
         if pixel.x > 36 {
             geometry.normals[(pixel.y * SIZE.x + pixel.x) as usize] = vec4(-0.8, 0.6, 0.0, 1.0);
         }
@@ -421,7 +425,7 @@ fn settings_do_what_their_twins_do() {
         let frames = frames(&device, &queue, &occluders, &all_lights()[..4], settings);
         let (touched, differing) = compare(&frames);
         assert!(touched[0] > 150.0 && touched[1] > 30.0, "{name}: the frame shows something: {touched:?}");
-        assert!(differing <= frames[0].len() / 60, "{name}: {differing} pixels differ");
+        assert!(differing <= frames[0].len() / 400, "{name}: {differing} pixels differ");
         pictures.push(frames[1].clone());
     }
     for (i, picture) in pictures.iter().enumerate() {
