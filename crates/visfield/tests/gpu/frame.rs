@@ -45,7 +45,7 @@ fn geometry() -> GeometryBuffer {
         let visible = along.y < -0.05;
         // As wide as one pixel: where every second one is traced, none of it is.
         if pixel.x == 27 {
-            geometry.normals[(pixel.y * SIZE.x + pixel.x) as usize] = vec4(0.6, 0.8, 0.0, 1.0);
+            geometry.normals[(pixel.y * SIZE.x + pixel.x) as usize] = vec4(0.8, 0.6, 0.0, 1.0);
         }
         if pixel.x > 36 {
             geometry.normals[(pixel.y * SIZE.x + pixel.x) as usize] = vec4(-0.8, 0.6, 0.0, 1.0);
@@ -414,7 +414,7 @@ fn settings_do_what_their_twins_do() {
         ("linear", TraceSettings { falloff: Falloff::Linear, ..rays }),
         ("linear caps", caps(TraceSettings { falloff: Falloff::Linear, ..rays })),
         ("obscurance", TraceSettings { falloff: obscurance, ..rays }),
-        ("obscurance by caps", caps(TraceSettings { falloff: obscurance, max_distance: f32::INFINITY, ..rays })),
+        ("obscurance by caps", caps(TraceSettings { falloff: obscurance, ..rays })),
         ("intensity", caps(TraceSettings { intensity: 2.5, ..rays })),
         ("unfiltered", TraceSettings { denoise_passes: 0, ..rays }),
         ("filtered twice", TraceSettings { denoise_passes: 2, ..rays }),

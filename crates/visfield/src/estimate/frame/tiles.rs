@@ -164,5 +164,7 @@ mod tests {
         assert!(!bounds.meet_light(&Light::sphere(Vec3::Y * 5.0, 0.1, 4.0), Vec3::Y * 3.0, 0.5), "too dark");
         assert!(!bounds.reached(vec3(3.0, 0.0, 0.0), 0.5, 2.0) && bounds.reached(vec3(2.5, 0.0, 0.0), 0.5, 2.0));
         assert!(!bounds.reached(vec3(30.0, 0.0, 0.0), 0.5, f32::INFINITY), "too small for its distance");
+        let wide = receivers(Vec3::ZERO, 40.0).iter().fold(Bounds::EMPTY, |bounds, (p, n)| bounds.with(*p, *n));
+        assert!(wide.reached(Vec3::ZERO, 0.5, 2.0), "within the bounds");
     }
 }
