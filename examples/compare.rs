@@ -27,12 +27,12 @@ use bevy::anti_alias::fxaa::Fxaa;
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::RenderTarget;
 use bevy::camera::visibility::RenderLayers;
+use bevy::image::ToExtents;
 use bevy::pbr::ScreenSpaceAmbientOcclusion;
 use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
 use bevy::tasks::futures::check_ready;
 use bevy::tasks::{AsyncComputeTaskPool, Task};
-use bevy::ui::widget::ViewportNode;
 use bevy_visfield::prelude::*;
 use clap::Parser;
 use visfield::estimate::light::Light;
@@ -73,6 +73,10 @@ struct ReferencePane {
     text: Entity,
     difference: Entity,
 }
+
+/// The pane that shows a camera's image.
+#[derive(Component)]
+struct ShownIn(Entity);
 
 /// The sun that shines into the panes of fields and exact rays, and the one with shadow maps.
 const FIELD_LAYER: usize = 1;
@@ -126,7 +130,7 @@ fn add_scene(app: &mut App, options: Options, meshes: Meshes, target: Option<Ren
         .insert_resource(Target(target))
         .init_resource::<SceneClock>()
         .add_systems(Startup, (spawn_scene, spawn_panes, split_sun).chain())
-        .add_systems(Update, (move_objects, fit_panes));
+        .add_systems(Update, (move_objects, (fit_panes, fit_image).chain()));
     probe::install(app);
     reference_view::install(app);
 }
@@ -179,13 +183,12 @@ fn spawn_panes(mut commands: Commands, target: Res<Target>, mut images: ResMut<A
     let back = ZIndex(-1);
     let all = Node { width: percent(100), height: percent(100), position_type: PositionType::Absolute, ..default() };
     // Bevy's screen-space ambient occlusion takes any viewport for the whole target. So its camera has an image as its target,
-    // which this pane's node shows and keeps as large as itself.
-    let image = images.add(Image::new_target_texture(LEAST_SSAO, LEAST_SSAO, TextureFormat::Rgba8UnormSrgb, None));
+    // which this pane shows.
+    let image = Image::new_target_texture(LEAST_SSAO, LEAST_SSAO, TextureFormat::Rgba8UnormSrgb, None);
+    let image = images.add(image);
+    commands.spawn((all.clone(), ImageNode::new(image.clone()), back, UiTargetCamera(maps)));
     let occlusion = ScreenSpaceAmbientOcclusion::default();
-    let alone = commands.spawn((view(-1), RenderTarget::Image(image.into()), occlusion, with_layer(MAP_LAYER))).id();
-    let least = px(LEAST_SSAO as f32);
-    let large_enough = Node { min_width: least, min_height: least, ..all.clone() };
-    commands.spawn((large_enough, ViewportNode::new(alone), back, UiTargetCamera(maps)));
+    commands.spawn((view(-1), RenderTarget::Image(image.into()), occlusion, with_layer(MAP_LAYER), ShownIn(maps)));
     commands.entity(maps).insert(RenderLayers::layer(EMPTY_LAYER));
     let occlusion = FieldOcclusion { quality: FieldOcclusionQuality::High, ..default() };
     commands.entity(fields).insert((occlusion, ProbedCamera, with_layer(FIELD_LAYER)));
@@ -198,6 +201,25 @@ fn spawn_panes(mut commands: Commands, target: Res<Target>, mut images: ResMut<A
     commands.insert_resource(ReferencePane { camera: exact, text, difference: picture });
     if target.0.is_none() {
         commands.spawn(help(fields, "Space pause and trace   Q quality   Esc quit"));
+    }
+}
+
+/// Keeps a camera's image as large as the pane that shows it.
+fn fit_image(
+    panes: Query<&Camera>,
+    shown: Single<(&ShownIn, &RenderTarget, &mut Projection)>,
+    mut images: ResMut<Assets<Image>>,
+) {
+    let (pane, target, mut projection) = shown.into_inner();
+    let size = panes.get(pane.0).ok().and_then(Camera::physical_viewport_size);
+    let (Some(size), Some(handle)) = (size, target.as_image()) else { return };
+    let size = size.max(UVec2::splat(LEAST_SSAO));
+    if let Some(mut image) = images.get_mut(handle)
+        && image.size() != size
+    {
+        image.resize(size.to_extents());
+        // Bevy then looks at the target's size in this very frame.
+        projection.set_changed();
     }
 }
 
