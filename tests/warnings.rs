@@ -145,11 +145,16 @@ fn bad_input_is_told_once_and_the_rest_renders() {
         Transform::from_xyz(0.0, 4.0, 0.1).looking_at(Vec3::ZERO, Vec3::Y),
     ));
     // Components where they do nothing.
-    world.spawn((PointLight::default(), FieldShadows::default()));
+    world.spawn((Transform::default(), FieldShadows::default()));
     world.spawn(FieldOcclusion::default());
     // Strange settings.
     for angular_radius in [f32::NAN, -1.0, f32::INFINITY] {
         world.spawn((DirectionalLight { illuminance: 0.0, ..default() }, FieldShadows { angular_radius }));
+    }
+
+    // More lights than there are masks.
+    for _ in 0..12 {
+        world.spawn((PointLight { intensity: 0.0, ..default() }, FieldShadows::default()));
     }
 
     let start = std::time::Instant::now();
@@ -184,7 +189,7 @@ fn bad_input_is_told_once_and_the_rest_renders() {
     assert_told_once(&["FieldOcclusion needs Msaa::Off", "Sample4"]);
     assert_told_once(&["FieldShadows but no light"]);
     assert_told_once(&["FieldOcclusion but no Camera3d"]);
-    assert_told_once(&["only the first 3 directional lights"]);
+    assert_told_once(&["directional ones", "room for the shadows of 11"]);
     assert_eq!(count(&["panicked"]), 0);
     drop(headless);
 

@@ -238,10 +238,11 @@ impl FieldOcclusion {
     }
 }
 
-/// Adds the prepass that cameras need where frames are accumulated. It stays if they no longer are: it may be the user's.
+/// Adds the prepass that cameras need where frames are accumulated, again if something else (temporal anti-aliasing that is turned
+/// off) takes it away. It stays if they no longer are: it may be the user's.
 pub(crate) fn bring_motion_vectors(
     mut commands: Commands,
-    cameras: Query<(Entity, &FieldOcclusion), (Changed<FieldOcclusion>, Without<MotionVectorPrepass>)>,
+    cameras: Query<(Entity, &FieldOcclusion), Without<MotionVectorPrepass>>,
 ) {
     for (camera, _) in cameras.iter().filter(|(_, occlusion)| occlusion.accumulate) {
         commands.entity(camera).insert(MotionVectorPrepass);

@@ -38,12 +38,15 @@ pub enum FieldDebugView {
     /// The unoccluded share of ambient light.
     #[default]
     AmbientVisibility,
-    /// The visible share of a light: of those with [`FieldShadows`](crate::FieldShadows) that the camera shadows, in the order of
-    /// their entities, this one. White if there are not as many.
+    /// The visible share of a light: of those with [`FieldShadows`](crate::FieldShadows) that the camera shadows, this one, in an
+    /// order that stays as long as they are the same. White if there are not as many.
     Light(u32),
     /// How many instances each tile of 16×16 pixels looks at: dark blue for none, over green and yellow to red for 64 and more.
     TileLoad,
 }
+
+/// Beyond all pages.
+const NO_CHANNEL: u32 = 4 * 4;
 
 pub(crate) fn plugin(app: &mut App) {
     embedded_asset!(app, "debug.wgsl");
@@ -121,7 +124,7 @@ fn prepare_pipelines(
     for (entity, view, debug_view) in &cameras {
         let channel = match debug_view {
             FieldDebugView::AmbientVisibility | FieldDebugView::TileLoad => 0,
-            FieldDebugView::Light(light) => light.saturating_add(1),
+            FieldDebugView::Light(light) => light.saturating_add(1).min(NO_CHANNEL),
         };
         let kind = if channel == 0 { *debug_view } else { FieldDebugView::AmbientVisibility };
         let pipeline = pipelines.specialize(&cache, &shader, (kind, view.target_format));

@@ -49,7 +49,8 @@
 //! - [`FieldOcclusion`] needs `Msaa::Off`, and a viewport of 16 pixels or more. Its result takes the place of that of Bevy's
 //!   `ScreenSpaceAmbientOcclusion`, whose textures Bevy still allocates. If the camera has that effect too, both are
 //!   combined, as [`ScreenSpaceOcclusion`] says.
-//! - The two upper bits of an entity's `MeshTag` are taken where it has [`NotFieldReceiver`] or [`OwnSurfaceOcclusion`].
+//! - While the plugin is active, the two upper bits of every `MeshTag` stand for `NotFieldReceiver` and `OwnSurfaceOcclusion`: leave them 0.
+//! - Volumetric light and fog know shadow maps only, not field shadows.
 //! - Shadows and these two components reach Bevy's shaders by patches of their text, made for Bevy 0.19. If the text is another, one
 //!   error says what is missing.
 

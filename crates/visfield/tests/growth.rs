@@ -61,6 +61,7 @@ fn frames_leave_no_memory_behind() {
                     depth: &depth,
                     normals: &normals,
                     motion,
+                    history_key: 0,
                     screen_space: None,
                     output: &output,
                     page_rows: SIZE.y,

@@ -68,6 +68,7 @@ pub(super) fn field_occlusion(
             depth,
             normals,
             motion: prepass.motion_vectors_view().filter(|_| frame.accumulates).map(|view| &**view),
+            history_key: frame.lights_key,
             screen_space,
             output: &frame.output.default_view,
             page_rows: frame.page_rows(),

@@ -1,11 +1,14 @@
 //! Puts each camera's frame together: occluders relative to the camera, the lights by their masks, and the texture to fill.
 
+use std::hash::BuildHasher;
+
 use std::time::Instant;
 
 use bevy::camera::MainPassResolutionOverride;
 use bevy::camera::visibility::RenderLayers;
 use bevy::image::ToExtents;
 use bevy::math::{DVec3, Mat4, UVec2};
+use bevy::platform::hash::FixedHasher;
 use bevy::prelude::*;
 use bevy::render::camera::{ExtractedCamera, TemporalJitter};
 use bevy::render::render_resource::{TextureDescriptor, TextureDimension, TextureUsages};
@@ -55,6 +58,8 @@ pub struct FieldOcclusionFrame {
     pub(super) settings: TraceSettings,
     pub(super) screen_space: Option<ScreenSpaceCombination>,
     pub(super) accumulates: bool,
+    /// Another one for other lights, or the same in another order.
+    pub(super) lights_key: u64,
     pub(super) show_tile_load: bool,
 }
 
@@ -91,21 +96,27 @@ pub(super) fn prepare_frames(
     for (entity, view, camera, occlusion, debug_view, layers, jitter, resolution) in &views {
         let Some(target_size) = camera.physical_target_size else { continue };
         let layers = layers.unwrap_or_default();
+        let table = |lights: &[ShadowedLight]| {
+            let lights: Vec<_> = lights.iter().map(|light| light.shader_light).collect();
+            MaskTable::new(&lights, target_size, max_side)
+        };
         let mut shadowed = lights.shadowed_lights(view, layers, MAX_LIGHTS);
-        let shader_lights: Vec<_> = shadowed.iter().map(|light| light.shader_light).collect();
-        let Some(masks) = MaskTable::new(&shader_lights, target_size, max_side) else {
+        let mut table_of_all = table(&shadowed);
+        if let Some(masks) = table_of_all.as_ref().map(MaskTable::masks).filter(|masks| *masks < shadowed.len()) {
+            warn_once!(
+                "a camera's target of {target_size} pixels leaves room for the shadows of {masks} lights, not of {}: textures \
+                 end at {max_side} pixels here. Remove FieldShadows from lights that matter less.",
+                shadowed.len()
+            );
+            // The most important ones of them.
+            shadowed = lights.shadowed_lights(view, layers, masks);
+            table_of_all = table(&shadowed);
+        }
+        let Some(masks) = table_of_all else {
             warn_once!("a camera's target of {target_size} pixels leaves no room for field occlusion: it shows none");
             continue;
         };
-        if masks.masks() < shadowed.len() {
-            warn_once!(
-                "a camera's target of {target_size} pixels leaves room for the shadows of {} lights, not of {}: textures \
-                 end at {max_side} pixels here. Remove FieldShadows from lights that matter less.",
-                masks.masks(),
-                shadowed.len()
-            );
-            shadowed.truncate(masks.masks());
-        }
+        shadowed.truncate(masks.masks());
         let output = texture_cache.get(
             &device,
             TextureDescriptor {
@@ -133,6 +144,7 @@ pub(super) fn prepare_frames(
             settings,
             screen_space: occlusion.screen_space_combination(),
             accumulates: occlusion.accumulate,
+            lights_key: FixedHasher.hash_one(shadowed.iter().map(|light| light.entity).collect::<Vec<_>>()),
             show_tile_load: debug_view == Some(&FieldDebugView::TileLoad),
         });
     }

@@ -354,7 +354,8 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
         let mut reach = [0.0; N];
         let reach_by = |reach: &mut [f32; N], falloff| {
             for lane in 0..N {
-                reach[lane] = reach_of(&occluder.placement, positions.get(lane), falloff, settings.max_distance);
+                let receiver = (positions.get(lane), normals.get(lane));
+                reach[lane] = reach_of(&occluder.placement, receiver, falloff, settings.max_distance);
             }
         };
         // The most common one by itself: exponentials keep a loop from becoming vector instructions.
@@ -541,12 +542,14 @@ fn unit(v: Vec3) -> Vec3 {
 /// How far an object counts at a receiver: fading out as it leaves the maximum distance, and not at all where it is so far that
 /// even its bounding sphere would hide less than the cutoff.
 #[inline(always)]
-fn reach_of(placement: &Placement, position: Vec3, falloff: Falloff, max_distance: f32) -> f32 {
+fn reach_of(placement: &Placement, (position, normal): (Vec3, Vec3), falloff: Falloff, max_distance: f32) -> f32 {
     let to_center = placement.center - position;
     let (squared, radius) = (to_center.dot(to_center), placement.radius);
     let nearest = (squared.sqrt() - radius).max(0.0);
     let weight = falloff.mean_weight(nearest, 2.0 * radius, max_distance);
-    if radius * radius > CUTOFF * squared { weight } else { 0.0 }
+    // What lies wholly below the horizon hides nothing that counts, whatever a grid's few harmonics say.
+    let counts = (radius * radius > CUTOFF * squared) & (to_center.dot(normal) > -radius);
+    if counts { weight } else { 0.0 }
 }
 
 /// Scales the occlusion of each direction so that their mean is the object's, without exceeding 1.

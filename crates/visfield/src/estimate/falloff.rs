@@ -25,6 +25,9 @@ pub enum Falloff {
     },
 }
 
+/// Smallest exponent of which the exponential is taken.
+const SMALLEST_EXPONENT: f32 = 0.01;
+
 impl Falloff {
     /// The weight of a hit at a distance, in world units.
     pub fn weight(self, distance: f32, max_distance: f32) -> f32 {
@@ -55,9 +58,14 @@ impl Falloff {
             Self::Binary => within / depth,
             Self::Linear => {
                 let middle = nearest + 0.5 * within;
-                within / depth * (1.0 - middle / max_distance).max(0.0)
+                within / depth * (1.0 - middle / max_distance.max(f32::MIN_POSITIVE)).max(0.0)
             }
-            Self::Obscurance { tau } => (-tau * nearest).exp() * (1.0 - (-tau * within).exp()) / (tau * depth),
+            Self::Obscurance { tau } => {
+                let x = tau * within;
+                // Where the difference from 1 would be lost in rounding, the first terms of its series.
+                let faded = if x < SMALLEST_EXPONENT { 1.0 - x * (0.5 - x / 6.0) } else { (1.0 - (-x).exp()) / x };
+                (-tau * nearest).exp() * (within / depth) * faded
+            }
         }
     }
 }
@@ -80,7 +88,7 @@ mod tests {
     #[test]
     fn mean_weights_are_means_of_weights() {
         for falloff in [Falloff::Binary, Falloff::Linear, Falloff::Obscurance { tau: 0.7 }] {
-            for (nearest, depth) in [(0.0, 0.5), (0.5, 2.0), (2.0, 3.0), (4.0, 1.0)] {
+            for (nearest, depth) in [(0.0, 1.0e-6), (0.0, 0.5), (0.5, 2.0), (2.0, 3.0), (4.0, 1.0)] {
                 let at = |i: i32| falloff.weight(nearest + depth * (i as f32 + 0.5) / 1000.0, 3.0);
                 let mean = (0..1000).map(at).sum::<f32>() / 1000.0;
                 let found = falloff.mean_weight(nearest, depth, 3.0);

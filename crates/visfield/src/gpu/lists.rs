@@ -18,6 +18,8 @@ const HEAD_WORDS: u32 = 4;
 const BOUNDS_WORDS: u32 = 12;
 /// Entries per tile that there is room for at first.
 const FIRST_ENTRIES_PER_TILE: u32 = 24;
+/// What the lists of a camera may take.
+const MOST_BYTES: u64 = 64 << 20;
 /// Instances that entries can name.
 pub(super) const MAX_INSTANCES: usize = 1 << 20;
 
@@ -59,8 +61,9 @@ impl TileLists {
         let tiles = tiles(viewport);
         let needed = kept.as_ref().map_or(0, Self::entries);
         let first = tiles.element_product() * FIRST_ENTRIES_PER_TILE;
-        // What the adapter can bind limits it; lists beyond that are of all instances.
-        let largest = u64::from(device.limits().max_storage_buffer_binding_size.min(u32::MAX.into()) as u32) / 4;
+        // What the adapter can bind limits it, and reason; lists beyond that are of all instances.
+        let limits = device.limits();
+        let largest = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(MOST_BYTES) / 4;
         let room = largest.saturating_sub(u64::from(words_before_entries(tiles))) as u32;
         let too_small = |lists: &Self| lists.capacity < needed.min(room);
         if kept.as_ref().is_some_and(|lists| lists.tiles == tiles && !too_small(lists)) {

@@ -76,6 +76,8 @@ pub struct FrameInputs<'a> {
     /// How far each pixel moved since the last frame, as a share of the viewport. With it, frames are accumulated: rays differ
     /// from frame to frame.
     pub motion: Option<&'a wgpu::TextureView>,
+    /// Which lights the masks are of, in any numbers of the caller's: frames are joined only with those of the same.
+    pub history_key: u64,
     /// Ambient occlusion of another kind to be joined.
     pub screen_space: Option<ScreenSpace<'a>>,
     /// Where the result goes: [`OUTPUT_FORMAT`], with storage usage, as wide as depth and normals, and with room for
@@ -87,7 +89,7 @@ pub struct FrameInputs<'a> {
     pub viewport: (UVec2, UVec2),
     /// From clip space to the world relative to the camera: the camera's rotation times its inverse projection.
     pub world_from_clip: Mat4,
-    /// The occluders, relative to the camera; more than 1,048,576 are not seen.
+    /// The occluders, relative to the camera. More than 1,048,576, or than fill what the device can bind, are not seen.
     pub instances: &'a [InstanceData],
     /// The lights, relative to the camera, by their masks: at most [`MAX_LIGHTS`], all [finite](Light::is_finite).
     pub lights: &'a [Light],
@@ -253,13 +255,16 @@ impl OcclusionPasses {
         }
         let settings = inputs.settings.clamped();
         let lights = &inputs.lights[..inputs.lights.len().min(MAX_LIGHTS)];
-        let instances = &inputs.instances[..inputs.instances.len().min(lists::MAX_INSTANCES)];
+        let instances = &inputs.instances[..inputs.instances.len().min(most_instances(&device.limits()))];
         let Parts { caps, light_caps, rays } = parts(instances, lights, &settings);
 
         let pages = FrameInputs::pages(lights.len());
         let trace_size = settings.resolution.traced_size(size);
         let paged = UVec2::new(trace_size.x, trace_size.y * pages);
-        let needed = Needed { traced: rays.then_some(paged), accumulated: rays && inputs.motion.is_some() };
+        let needed = Needed {
+            traced: rays.then_some(paged),
+            accumulated: (rays && inputs.motion.is_some()).then_some(inputs.history_key),
+        };
         let Prepared { frame, instances: instance_buffer, samples, lists, traced, history, is_history } =
             view.prepare((device, queue), &settings, instances.len(), size, needed);
         let uniform = FrameUniform {
@@ -350,6 +355,12 @@ impl OcclusionPasses {
 /// branches: it compiles such shaders again for other values, Mesa 22.3 even in every dispatch, and keeps the code of each.
 fn without_uniforms(source: &str) -> String {
     source.replace("var<uniform>", "var<storage, read>")
+}
+
+/// Instances that lists can name and a device can bind.
+pub(super) fn most_instances(limits: &wgpu::Limits) -> usize {
+    let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    lists::MAX_INSTANCES.min(usize::try_from(bytes).unwrap_or(usize::MAX) / size_of::<InstanceData>())
 }
 
 /// What a frame asks.

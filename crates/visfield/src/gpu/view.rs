@@ -5,7 +5,7 @@ use glam::UVec2;
 use super::OUTPUT_FORMAT;
 use super::layout::{FrameUniform, InstanceData, sample_data};
 use super::lists::TileLists;
-use super::passes::TRACED_FORMAT;
+use super::passes::{TRACED_FORMAT, most_instances};
 use crate::estimate::caps::CapCombination;
 use crate::estimate::frame::TraceSettings;
 
@@ -26,6 +26,8 @@ pub struct OcclusionView {
     traced: Option<[wgpu::Texture; 2]>,
     /// What was accumulated, the latest last.
     history: Option<[wgpu::Texture; 2]>,
+    /// [`FrameInputs::history_key`](super::FrameInputs::history_key) of what was accumulated.
+    history_key: Option<u64>,
     /// Counts the frames that were accumulated.
     turn: u32,
 }
@@ -38,8 +40,8 @@ const TURNS: u32 = 64;
 pub(super) struct Needed {
     /// Textures of this size for what is traced.
     pub(super) traced: Option<UVec2>,
-    /// And for what is accumulated of it.
-    pub(super) accumulated: bool,
+    /// And for what is accumulated of it, with frames of this key.
+    pub(super) accumulated: Option<u64>,
 }
 
 /// A view's resources, fit for a frame.
@@ -89,8 +91,9 @@ impl OcclusionView {
         needed: Needed,
     ) -> Prepared<'_> {
         fit_textures(&mut self.traced, device, needed.traced, ("field occlusion, traced", TRACED_FORMAT));
-        let kept = self.history.is_some();
-        let size = needed.traced.filter(|_| needed.accumulated);
+        let kept = self.history.is_some() && self.history_key == needed.accumulated;
+        self.history_key = needed.accumulated;
+        let size = needed.traced.filter(|_| needed.accumulated.is_some());
         let accumulated = ("field occlusion, accumulated", OUTPUT_FORMAT);
         let is_history = !fit_textures(&mut self.history, device, size, accumulated) && kept;
         if let Some(history) = &mut self.history {
@@ -115,7 +118,7 @@ impl OcclusionView {
                 create_buffer(device, "field occlusion frame", bytes, usage)
             }),
             instances: self.instances.get_or_insert_with(|| {
-                let bytes = instance_bytes(count.next_power_of_two());
+                let bytes = instance_bytes(count.next_power_of_two().min(most_instances(&device.limits())));
                 create_buffer(device, "field occlusion instances", bytes, wgpu::BufferUsages::STORAGE)
             }),
             samples: &self.samples.as_ref().expect("it was just made to fit").0,

@@ -58,7 +58,8 @@ fn accumulate(@builtin(global_invocation_id) id: vec3<u32>) {
     let history = clamp(history_at(place, page), low, high);
     // What differs by more than noise does has changed.
     let unchanged = clamp(1.5 - abs(history - current) * LIKENESS, vec4<f32>(0.0), vec4<f32>(1.0));
-    let blend = 1.0 - (1.0 - frame.blend) * select(vec4<f32>(0.0), unchanged, seen);
-    let accumulated = mix(history, current, blend);
+    let blend = 1.0 - (1.0 - frame.blend) * unchanged;
+    // Chosen, not weighted: a motion that is no number leaves no trace.
+    let accumulated = select(current, mix(history, current, blend), seen);
     textureStore(accumulated_texture, texel_in_page(at, page), accumulated);
 }

@@ -183,17 +183,21 @@ fn bent_normal(open: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
     return unit(normal);
 }
 
+const SMALLEST_EXPONENT: f32 = 0.01;
+
 // Falloff::mean_weight
 fn mean_weight(nearest: f32, depth: f32) -> f32 {
     let within = clamp(frame.max_distance - nearest, 0.0, depth);
     switch frame.falloff {
         case 1u: {
             let middle = nearest + 0.5 * within;
-            return within / depth * max(1.0 - middle / frame.max_distance, 0.0);
+            return within / depth * max(1.0 - middle / max(frame.max_distance, SMALLEST), 0.0);
         }
         case 2u: {
-            let tau = frame.falloff_tau;
-            return exp(-tau * nearest) * (1.0 - exp(-tau * within)) / (tau * depth);
+            let x = frame.falloff_tau * within;
+            // Where the difference from 1 would be lost in rounding, the first terms of its series.
+            let faded = select((1.0 - exp(-x)) / max(x, SMALLEST_EXPONENT), 1.0 - x * (0.5 - x / 6.0), x < SMALLEST_EXPONENT);
+            return exp(-frame.falloff_tau * nearest) * (within / depth) * faded;
         }
         default: {
             return within / depth;
@@ -201,11 +205,10 @@ fn mean_weight(nearest: f32, depth: f32) -> f32 {
     }
 }
 
-fn reach_of(instance: u32, position: vec3<f32>) -> f32 {
-    let to_center = instances[instance].center - position;
-    let radius = instances[instance].radius;
+fn reach_of(to_center: vec3<f32>, radius: f32, normal: vec3<f32>) -> f32 {
     let nearest = max(sqrt(dot(to_center, to_center)) - radius, 0.0);
-    return select(0.0, mean_weight(nearest, 2.0 * radius), within_reach(to_center, radius));
+    let counts = within_reach(to_center, radius) && above_surface(to_center, radius, normal);
+    return select(0.0, mean_weight(nearest, 2.0 * radius), counts);
 }
 
 fn mean(values: ptr<function, array<f32, MAX_DIRECTIONS>>) -> f32 {
@@ -260,7 +263,8 @@ fn ambient(receiver: Receiver, list: List) -> Ambient {
         if (entry & AMBIENT_BIT) == 0u || !has_caps(source) {
             continue;
         }
-        let reach = reach_of(i, receiver.position);
+        let to_center = instances[i].center - receiver.position;
+        let reach = reach_of(to_center, instances[i].radius, receiver.normal);
         if reach <= 0.0 || is_spared(i, receiver) {
             continue;
         }

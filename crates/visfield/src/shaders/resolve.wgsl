@@ -98,7 +98,7 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         }
         // No receiver of ours is also none that is upsampled from its neighbours.
-        let of_fields = select(pow(visibility[0].x, frame.intensity), 1.0, (receiver.flags & NO_AMBIENT) != 0u);
+        let of_fields = select(pow(max(visibility[0].x, SMALLEST), frame.intensity), 1.0, (receiver.flags & NO_AMBIENT) != 0u);
         visibility[0].x = with_screen_space(of_fields, pixel);
     }
     if frame.show_tile_load > 0u {

@@ -186,7 +186,7 @@ fn list(thread: u32, bounds: Bounds, first: u32, count: u32, word: u32) {
     if thread == 0u {
         let needed = atomicLoad(&total);
         let offset = atomicAdd(&lists[0], needed);
-        let fits = offset + needed <= frame.list_capacity;
+        let fits = offset <= frame.list_capacity && needed <= frame.list_capacity - offset;
         first_of_list = select(ALL_INSTANCES, first_entry() + offset, fits);
         atomicStore(&lists[word], first_of_list);
         atomicStore(&lists[word + 1u], select(frame.instance_count, needed, fits));
@@ -197,6 +197,7 @@ fn list(thread: u32, bounds: Bounds, first: u32, count: u32, word: u32) {
     if next == ALL_INSTANCES {
         return;
     }
+    let end = next + atomicLoad(&total);
     for (var start = 0u; start < count; start += THREADS) {
         var entry = 0u;
         let k = start + thread;
@@ -216,14 +217,15 @@ fn list(thread: u32, bounds: Bounds, first: u32, count: u32, word: u32) {
             atomicStore(&listed[0], 0u);
             atomicStore(&listed[1], 0u);
         }
-        if entry != 0u {
+        // Both times that a candidate is looked at must say the same; were they compiled differently, this keeps other lists whole.
+        if entry != 0u && next < end {
             let below = (1u << (thread & 31u)) - 1u;
             let before = select(
                 countOneBits(low & below),
                 countOneBits(low) + countOneBits(high & below),
                 thread >= 32u,
             );
-            atomicStore(&lists[next + before], entry);
+            atomicStore(&lists[min(next + before, end - 1u)], entry);
         }
         next += countOneBits(low) + countOneBits(high);
         workgroupBarrier();

@@ -279,6 +279,7 @@ fn gpu_frame(
             depth: &view_of(&depth_texture),
             normals: &view_of(&normal_texture),
             motion: motion_texture.as_ref().map(view_of).as_ref(),
+            history_key: 0,
             screen_space: None,
             output: &view_of(&output),
             page_rows: TARGET.y,

@@ -115,6 +115,7 @@ impl Stage {
                 depth: &view_of(&self.depth),
                 normals: &view_of(&self.normals),
                 motion: None,
+                history_key: 0,
                 screen_space: None,
                 output: &view_of(&self.output),
                 page_rows: SIZE.y,

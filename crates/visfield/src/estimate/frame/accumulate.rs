@@ -46,12 +46,15 @@ pub fn accumulate(
             high = std::array::from_fn(|channel| high[channel].max(neighbor[channel]));
         }
         let seen = place.cmpgt(Vec2::splat(-0.5)).all() && place.cmplt(size.as_vec2() - 0.5).all();
+        if !seen {
+            return current;
+        }
         let history = history_at(history, size, place);
         std::array::from_fn(|channel| {
             let clamped = history[channel].clamp(low[channel], high[channel]);
             // What differs by more than noise does has changed.
             let unchanged = (1.5 - (clamped - current[channel]).abs() * LIKENESS).clamp(0.0, 1.0);
-            let blend = 1.0 - (1.0 - BLEND) * if seen { unchanged } else { 0.0 };
+            let blend = 1.0 - (1.0 - BLEND) * unchanged;
             clamped * (1.0 - blend) + current[channel] * blend
         })
     };
