@@ -36,15 +36,16 @@ use bevy::tasks::{AsyncComputeTaskPool, Task};
 use bevy_visfield::prelude::*;
 use clap::Parser;
 use visfield::estimate::light::Light;
-use visfield_workspace::headless::{ASSETS, HeadlessApp};
+use visfield_workspace::headless::HeadlessApp;
 use visfield_workspace::moving_objects::{
-    PERIOD, SceneClock, camera_transform, default_parts, move_objects, objects, spawn_objects, spawn_surroundings,
+    SceneClock, camera_transform, default_parts, move_objects, objects, spawn_objects, spawn_surroundings,
 };
 use visfield_workspace::panes::{Pane, fit_panes, help, label};
 use visfield_workspace::probe::{self, FrameProbe, ProbedCamera, ProbedFrame};
 use visfield_workspace::recording::{Recording, RecordingOptions};
 use visfield_workspace::reference::{Errors, ExactFrame, Progress, ReferenceMeshes, trace_frame};
 use visfield_workspace::reference_view::{self, ExactVisibility};
+use visfield_workspace::window::{Paused, exit_code, next_quality, tick, window_app};
 
 /// Visibility fields, Bevy's screen-space ambient occlusion and shadow maps, exact rays, and the difference
 #[derive(Parser, Resource, Clone, Debug)]
@@ -62,9 +63,6 @@ struct Target(Option<RenderTarget>);
 
 #[derive(Resource)]
 struct Meshes(ReferenceMeshes);
-
-#[derive(Resource, Default)]
-struct Paused(bool);
 
 /// The camera of exact rays, the picture of differences, and what is written on both.
 #[derive(Resource)]
@@ -105,21 +103,12 @@ fn run(options: Options) -> Result<ExitCode, Box<dyn Error>> {
         record(options, meshes)?;
         return Ok(ExitCode::SUCCESS);
     }
-    let mut app = App::new();
-    let window = Window { title: "visfield: compare".to_owned(), ..default() };
-    app.add_plugins(
-        DefaultPlugins
-            .set(WindowPlugin { primary_window: Some(window), ..default() })
-            .set(AssetPlugin { file_path: ASSETS.to_owned(), ..default() }),
-    );
+    let mut app = window_app("visfield: compare");
     add_scene(&mut app, options, meshes, None);
     app.init_resource::<Paused>()
         .init_resource::<Job>()
         .add_systems(Update, ((tick, press_keys).before(move_objects), advance_reference.after(move_objects)));
-    Ok(match app.run() {
-        AppExit::Success => ExitCode::SUCCESS,
-        AppExit::Error(code) => ExitCode::from(code.get()),
-    })
+    Ok(exit_code(app.run()))
 }
 
 fn add_scene(app: &mut App, options: Options, meshes: Meshes, target: Option<RenderTarget>) {
@@ -321,12 +310,6 @@ fn record(options: Options, meshes: Meshes) -> image::ImageResult<()> {
     Ok(())
 }
 
-fn tick(time: Res<Time>, paused: Res<Paused>, mut clock: ResMut<SceneClock>) {
-    if !paused.0 {
-        clock.0 = (clock.0 + time.delta_secs()) % PERIOD;
-    }
-}
-
 fn press_keys(
     keys: Res<ButtonInput<KeyCode>>,
     mut paused: ResMut<Paused>,
@@ -342,13 +325,7 @@ fn press_keys(
         job.restart();
     }
     if keys.just_pressed(KeyCode::KeyQ) {
-        use FieldOcclusionQuality::{High, Low, Medium, Ultra};
-        fields.quality = match fields.quality {
-            Low => Medium,
-            Medium => High,
-            High => Ultra,
-            _ => Low,
-        };
+        fields.quality = next_quality(fields.quality);
         job.restart();
     }
 }

@@ -27,11 +27,12 @@ use bevy::light::GlobalAmbientLight;
 use bevy::prelude::*;
 use bevy_visfield::prelude::*;
 use clap::Parser;
-use visfield_workspace::headless::{ASSETS, HeadlessApp};
+use visfield_workspace::headless::HeadlessApp;
 use visfield_workspace::light_bays::{Bay, LightKind, LightSize, ShadowSource, move_objects, resize_lights, spawn_bay};
-use visfield_workspace::moving_objects::{PERIOD, SceneClock, default_parts};
+use visfield_workspace::moving_objects::{SceneClock, default_parts};
 use visfield_workspace::panes::{Pane, fit_panes, help, label};
 use visfield_workspace::recording::{Recording, RecordingOptions};
+use visfield_workspace::window::{Paused, exit_code, next_quality, tick, window_app};
 
 /// Every kind of light with soft shadows from visibility fields, beside Bevy's shadow maps
 #[derive(Parser, Clone, Debug)]
@@ -57,9 +58,6 @@ const LIGHT_SIZES: std::ops::RangeInclusive<f32> = 0.1..=4.0;
 /// The kind of light that is shown alone.
 #[derive(Resource)]
 struct Shown(Option<LightKind>);
-
-#[derive(Resource, Default)]
-struct Paused(bool);
 
 /// What cameras render to, if not the window.
 #[derive(Resource)]
@@ -92,21 +90,12 @@ fn add_scene(app: &mut App, options: &Options, target: Option<RenderTarget>) {
 }
 
 fn run_in_window(options: &Options) -> ExitCode {
-    let mut app = App::new();
-    let window = Window { title: "visfield: lights".to_owned(), ..default() };
-    app.add_plugins(
-        DefaultPlugins
-            .set(WindowPlugin { primary_window: Some(window), ..default() })
-            .set(AssetPlugin { file_path: ASSETS.to_owned(), ..default() }),
-    );
+    let mut app = window_app("visfield: lights");
     add_scene(&mut app, options, None);
     app.init_resource::<Paused>()
         .add_systems(Startup, spawn_help.after(spawn_scene))
         .add_systems(Update, ((tick, press_keys).before(move_objects), show_help));
-    match app.run() {
-        AppExit::Success => ExitCode::SUCCESS,
-        AppExit::Error(code) => ExitCode::from(code.get()),
-    }
+    exit_code(app.run())
 }
 
 /// Renders one loop of the motion.
@@ -181,12 +170,6 @@ fn arrange(mut commands: Commands, shown: Res<Shown>, mut cameras: Query<(Entity
     }
 }
 
-fn tick(time: Res<Time>, paused: Res<Paused>, mut clock: ResMut<SceneClock>) {
-    if !paused.0 {
-        clock.0 = (clock.0 + time.delta_secs()) % PERIOD;
-    }
-}
-
 fn press_keys(
     keys: Res<ButtonInput<KeyCode>>,
     mut paused: ResMut<Paused>,
@@ -217,13 +200,7 @@ fn press_keys(
             occlusion.ambient_occlusion = !occlusion.ambient_occlusion;
         }
         if keys.just_pressed(KeyCode::KeyQ) {
-            use FieldOcclusionQuality::{High, Low, Medium, Ultra};
-            occlusion.quality = match occlusion.quality {
-                Low => Medium,
-                Medium => High,
-                High => Ultra,
-                _ => Low,
-            };
+            occlusion.quality = next_quality(occlusion.quality);
         }
     }
 }

@@ -31,11 +31,12 @@ use bevy_visfield::FieldBoundsGizmos;
 use bevy_visfield::bake::to_bevy_mesh;
 use bevy_visfield::prelude::*;
 use clap::Parser;
-use visfield_workspace::headless::{ASSETS, HeadlessApp};
+use visfield_workspace::headless::HeadlessApp;
 use visfield_workspace::moving_objects::{
-    ObjectParts, PERIOD, SceneClock, camera_transform, default_parts, move_objects, spawn_objects, spawn_surroundings,
+    ObjectParts, SceneClock, camera_transform, default_parts, move_objects, spawn_objects, spawn_surroundings,
 };
 use visfield_workspace::recording::{Recording, RecordingOptions};
+use visfield_workspace::window::{Paused, exit_code, next_quality, tick, window_app};
 
 /// Moving objects with ambient occlusion and soft shadows from visibility fields
 #[derive(Parser, Resource, Clone, Debug)]
@@ -159,21 +160,12 @@ fn add_scene(app: &mut App, options: Options, own_meshes: Option<OwnMeshes>) {
 }
 
 fn run_in_window(options: Options, own_meshes: Option<OwnMeshes>) -> ExitCode {
-    let mut app = App::new();
-    let window = Window { title: "visfield: moving objects".to_owned(), ..default() };
-    app.add_plugins(
-        DefaultPlugins
-            .set(WindowPlugin { primary_window: Some(window), ..default() })
-            .set(AssetPlugin { file_path: ASSETS.to_owned(), ..default() }),
-    );
+    let mut app = window_app("visfield: moving objects");
     add_scene(&mut app, options, own_meshes);
     app.init_resource::<Paused>()
         .add_systems(Startup, (spawn_window_camera, spawn_help))
         .add_systems(Update, (tick.before(move_objects), press_keys, show_help));
-    match app.run() {
-        AppExit::Success => ExitCode::SUCCESS,
-        AppExit::Error(code) => ExitCode::from(code.get()),
-    }
+    exit_code(app.run())
 }
 
 /// Renders one loop of the motion.
@@ -280,15 +272,6 @@ fn spawn_window_camera(mut commands: Commands, options: Res<Options>) {
     spawn_camera(&mut commands, &options);
 }
 
-#[derive(Resource, Default)]
-struct Paused(bool);
-
-fn tick(time: Res<Time>, paused: Res<Paused>, mut clock: ResMut<SceneClock>) {
-    if !paused.0 {
-        clock.0 = (clock.0 + time.delta_secs()) % PERIOD;
-    }
-}
-
 fn press_keys(
     mut commands: Commands,
     keys: Res<ButtonInput<KeyCode>>,
@@ -339,13 +322,7 @@ fn press_keys(
             };
         }
         if keys.just_pressed(KeyCode::KeyQ) {
-            use FieldOcclusionQuality::{High, Low, Medium, Ultra};
-            occlusion.quality = match occlusion.quality {
-                Low => Medium,
-                Medium => High,
-                High => Ultra,
-                _ => Low,
-            };
+            occlusion.quality = next_quality(occlusion.quality);
         }
         if keys.just_pressed(KeyCode::KeyD) {
             let mut camera = commands.entity(camera);

@@ -29,8 +29,9 @@ use clap::Parser;
 use visfield_workspace::crowd::{
     self, BakedShape, Crowd, CrowdShapes, MAX_DISTANCE, SHAPES, bake_shapes, flying_camera,
 };
-use visfield_workspace::headless::{ASSETS, HeadlessApp};
+use visfield_workspace::headless::HeadlessApp;
 use visfield_workspace::recording::{parse_size, record_frames};
+use visfield_workspace::window::{Paused, exit_code, next_quality, window_app};
 
 /// Thousands of moving objects with ambient occlusion and soft shadows, and what they cost
 #[derive(Parser, Resource, Clone, Debug)]
@@ -107,20 +108,11 @@ fn camera(options: &Options) -> impl Bundle {
 struct DebugView(Option<FieldDebugView>);
 
 fn run_in_window(options: &Options, shapes: &[BakedShape]) -> ExitCode {
-    let mut app = App::new();
-    let window = Window { title: "visfield: ten thousand".to_owned(), ..default() };
-    app.add_plugins(
-        DefaultPlugins
-            .set(WindowPlugin { primary_window: Some(window), ..default() })
-            .set(AssetPlugin { file_path: ASSETS.to_owned(), ..default() }),
-    );
+    let mut app = window_app("visfield: ten thousand");
     add_scene(&mut app, options, shapes);
     app.init_resource::<Paused>().add_systems(Update, (tick, press_keys, set_debug_view).before(fly));
     app.world_mut().spawn(camera(options));
-    match app.run() {
-        AppExit::Success => ExitCode::SUCCESS,
-        AppExit::Error(code) => ExitCode::from(code.get()),
-    }
+    exit_code(app.run())
 }
 
 fn record(options: &Options, shapes: &[BakedShape]) -> Result<ExitCode, Box<dyn Error>> {
@@ -139,9 +131,6 @@ fn record(options: &Options, shapes: &[BakedShape]) -> Result<ExitCode, Box<dyn 
     println!("{}", numbers(headless.app.world().resource(), options.instances as usize));
     Ok(ExitCode::SUCCESS)
 }
-
-#[derive(Resource, Default)]
-struct Paused(bool);
 
 fn tick(time: Res<Time>, paused: Res<Paused>, mut crowd: ResMut<Crowd>) {
     if !paused.0 {
@@ -181,13 +170,7 @@ fn press_keys(
     }
     let (mut occlusion, mut view) = camera.into_inner();
     if keys.just_pressed(KeyCode::KeyQ) {
-        use FieldOcclusionQuality::{High, Low, Medium, Ultra};
-        occlusion.quality = match occlusion.quality {
-            Low => Medium,
-            Medium => High,
-            High => Ultra,
-            _ => Low,
-        };
+        occlusion.quality = next_quality(occlusion.quality);
     }
     if keys.just_pressed(KeyCode::KeyD) {
         view.0 = if view.0.is_some() { None } else { Some(FieldDebugView::TileLoad) };

@@ -9,3 +9,4 @@ pub mod probe;
 pub mod recording;
 pub mod reference;
 pub mod reference_view;
+pub mod window;

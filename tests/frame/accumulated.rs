@@ -17,6 +17,16 @@ fn set_accumulate(headless: &mut HeadlessApp, accumulate: bool) {
     *occlusion = FieldOcclusion { quality: FieldOcclusionQuality::High, accumulate, ..default() };
 }
 
+/// The scene after as many accumulated frames as change nothing more.
+fn settled() -> HeadlessApp {
+    let mut headless = truth::scene_app();
+    set_accumulate(&mut headless, true);
+    for _ in 0..SETTLED {
+        headless.update();
+    }
+    headless
+}
+
 /// The same moment without any frames before it.
 fn fresh(headless: &mut HeadlessApp) -> ProbedFrame {
     set_accumulate(headless, false);
@@ -39,11 +49,7 @@ fn a_moving_camera_leaves_no_trail() {
     if !adapter::available() {
         return;
     }
-    let mut headless = truth::scene_app();
-    set_accumulate(&mut headless, true);
-    for _ in 0..SETTLED {
-        headless.update();
-    }
+    let mut headless = settled();
     for _ in 0..6 {
         headless.update();
         let world = headless.app.world_mut();
@@ -64,11 +70,7 @@ fn shadows_that_have_left_are_gone_after_four_frames() {
     if !adapter::available() {
         return;
     }
-    let mut headless = truth::scene_app();
-    set_accumulate(&mut headless, true);
-    for _ in 0..SETTLED {
-        headless.update();
-    }
+    let mut headless = settled();
     let before = probe::read(&mut headless);
     headless.app.world_mut().resource_mut::<SceneClock>().0 = 0.5;
     for _ in 0..3 {
