@@ -4,8 +4,8 @@
 //! invertible affine transform. The data's path through this crate:
 //!
 //! 1. [`file`](mod@file) decodes a field from untrusted bytes, and encodes it,
-//! 2. [`field`] answers single rays and batches in *field space*, where the mesh's bounding ellipsoid is the unit sphere, by a
-//!    field's table; and ambient occlusion without rays by its [cap grid](CapGrid),
+//! 2. [`field`] answers single rays and batches in *field space*, where the mesh's bounding ellipsoid is the unit sphere, by a field's
+//!    table, or by its [distances](mod@distance); and ambient occlusion without rays by its [cap grid](CapGrid),
 //! 3. [`scene`] places instances of fields in a world,
 //! 4. [`raycast`] answers a game's own rays against a whole scene,
 //! 5. [`estimate`] turns many rays into ambient occlusion and the soft shadows of lights on the CPU, and combines the cap grids of a
@@ -31,6 +31,7 @@
 //! assert!((0.0..=1.0).contains(&occlusion));
 //! ```
 
+pub mod distance;
 pub mod estimate;
 pub mod field;
 pub mod file;

@@ -161,7 +161,7 @@ pub fn bake(mesh: &Mesh, settings: &BakeSettings, progress: impl Fn(u64) + Sync)
 
     let table = settings.table.map(|format| bake_table(&solid, &header.bounds, format, &progress)).transpose()?;
     let cap_grid = settings.cap_grid.map(|format| bake_cap_grid(&solid, format, &progress)).transpose()?;
-    Ok(VisibilityField::new(header, FieldParts { table, cap_grid })?)
+    Ok(VisibilityField::new(header, FieldParts { table, cap_grid, distance: None })?)
 }
 
 /// The table of triangles in mesh space.
