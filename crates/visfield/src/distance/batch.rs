@@ -14,7 +14,7 @@ use glam::Vec3;
 use pulp::{Arch, NullaryFnOnce};
 
 use super::grid::{Cells, DistanceGrid, GridShape};
-use super::query::{LEAST_STEP, MAX_STEPS, RELAXATION, Segment, segment};
+use super::query::{LEAST_STEP, MAX_STEPS, RELAXATION, SLACK, SLACK_REACH, Segment, segment};
 use super::{DistanceField, GRID_THRESHOLD};
 use crate::field::lanes::Vectors;
 use crate::field::query::{Bias, Ray, finite};
@@ -89,6 +89,7 @@ struct Lanes {
     t_max: [f32; LANES],
     /// Whether the last step was relaxed.
     relaxed: [bool; LANES],
+    slack: [f32; LANES],
     previous: [f32; LANES],
     step: [f32; LANES],
     evaluations: [u32; LANES],
@@ -113,6 +114,7 @@ impl<C: Copy + Into<f32>, A, F: Fn(&Ray, f32) -> A> NullaryFnOnce for March<'_, 
             t: [0.0; LANES],
             t_max: [f32::INFINITY; LANES],
             relaxed: [false; LANES],
+            slack: [0.0; LANES],
             previous: [0.0; LANES],
             step: [0.0; LANES],
             evaluations: [0; LANES],
@@ -130,13 +132,18 @@ impl<C: Copy + Into<f32>, A, F: Fn(&Ray, f32) -> A> NullaryFnOnce for March<'_, 
                 // Rays that pass the bounds by never get into a lane.
                 while next < rays.len() {
                     let (ray, _) = rays[next].rescaled();
-                    let Segment { origin, direction, t_min, t_max } = segment(&ray, normal, bias, bounds);
+                    let Segment { origin, direction, t_min, t_max, slack } =
+                        segment(&ray, normal, bias.height * SLACK, bounds, |position| {
+                            let place = grid.place(position);
+                            let corners = grid.corners(codes, place.index);
+                            grid.interpolate(&corners, place.fraction, place.squared_beyond)
+                        });
                     if t_min < t_max {
                         lanes.ray[lane] = next;
                         lanes.origin.set(lane, origin);
                         lanes.direction.set(lane, direction);
                         (lanes.t[lane], lanes.t_max[lane]) = (t_min, t_max);
-                        lanes.relaxed[lane] = true;
+                        (lanes.relaxed[lane], lanes.slack[lane]) = (true, slack);
                         (lanes.previous[lane], lanes.step[lane], lanes.evaluations[lane]) = (0.0, 0.0, 0);
                         at_work += 1;
                         next += 1;
@@ -152,7 +159,7 @@ impl<C: Copy + Into<f32>, A, F: Fn(&Ray, f32) -> A> NullaryFnOnce for March<'_, 
             if at_work == 0 {
                 return;
             }
-            let (hit, over) = step(&grid, codes, &mut lanes);
+            let (hit, over) = step(&grid, codes, bias.along * SLACK_REACH, &mut lanes);
             for lane in 0..LANES {
                 if over[lane] && lanes.ray[lane] != IDLE {
                     let ray = lanes.ray[lane];
@@ -168,7 +175,12 @@ impl<C: Copy + Into<f32>, A, F: Fn(&Ray, f32) -> A> NullaryFnOnce for March<'_, 
 /// One step of every lane, as in [`sphere_trace`](super::sphere_trace::sphere_trace): which of them have hit, and which are
 /// over.
 #[inline(always)]
-fn step<C: Copy + Into<f32>>(grid: &GridShape, codes: &[C], lanes: &mut Lanes) -> ([bool; LANES], [bool; LANES]) {
+fn step<C: Copy + Into<f32>>(
+    grid: &GridShape,
+    codes: &[C],
+    slack_reach: f32,
+    lanes: &mut Lanes,
+) -> ([bool; LANES], [bool; LANES]) {
     let mut index = [0_u32; LANES];
     let (mut fraction, mut squared) = (Vectors::<LANES>::ZERO, [0.0_f32; LANES]);
     for lane in 0..LANES {
@@ -191,7 +203,8 @@ fn step<C: Copy + Into<f32>>(grid: &GridShape, codes: &[C], lanes: &mut Lanes) -
         let distance = grid.interpolate(&here, fraction.get(lane), squared[lane]);
         let (previous, last_step) = (lanes.previous[lane], lanes.step[lane]);
         let back = lanes.relaxed[lane] & (previous + distance < last_step) & (last_step > LEAST_STEP);
-        let met = !back & (distance < GRID_THRESHOLD);
+        let slack = lanes.slack[lane] * (1.0 - lanes.t[lane] / slack_reach).max(0.0);
+        let met = !back & (distance < GRID_THRESHOLD - slack);
         let relaxed = !back & (previous - distance <= STEEPEST * last_step);
         let step = (if relaxed { distance * RELAXATION } else { distance }).max(LEAST_STEP);
         let t = lanes.t[lane]

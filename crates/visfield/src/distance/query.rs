@@ -4,17 +4,17 @@
 
 use glam::Vec3;
 
-use super::DistanceField;
 use super::sphere_trace::{Exhausted, SphereTracing, Traced, sphere_trace};
+use super::{DistanceField, GRID_THRESHOLD};
 use crate::field::query::{Bias, Ray, finite};
 
-/// How far above the surface that it leaves a ray starts, in multiples of [`Bias::height`]: 0.6 voxels by default. There, what a
-/// grid rounds off the surface does not reach it.
-pub const LIFT: f32 = 4.0;
-/// How far along the ray it starts, in multiples of [`Bias::along`].
-pub const START: f32 = 2.0;
+/// How far below a grid's threshold distances near the origin must be to count, in multiples of [`Bias::height`] and voxels: 0.3
+/// voxels by default, about what a grid rounds off a crease.
+pub const SLACK: f32 = 2.0;
+/// Over how long a way that ends, in multiples of [`Bias::along`] and voxels: 1.2 voxels by default.
+pub const SLACK_REACH: f32 = 4.8;
 /// Least step of rays that only ask whether something is in the way: less than a grid shows to be thick.
-pub const LEAST_STEP: f32 = 0.4;
+pub const LEAST_STEP: f32 = 0.25;
 /// Most steps of such a ray.
 pub const MAX_STEPS: u32 = 64;
 /// ω of their over-relaxation.
@@ -28,6 +28,8 @@ pub(super) struct Segment {
     pub(super) t_min: f32,
     /// Not above `t_min` if there is nothing to hit.
     pub(super) t_max: f32,
+    /// [`SphereTracing::slack`]
+    pub(super) slack: f32,
 }
 
 /// The part of a ray with a unit direction inside a box.
@@ -46,21 +48,30 @@ fn inverse(x: f32) -> f32 {
     1.0 / if x.abs() > least { x } else { least }
 }
 
-/// The segment of a ray that leaves a surface with this unit normal, or none if it is zero.
+/// The segment of a ray that leaves a surface with this unit normal, or none if it is zero. An origin below the surface, as the
+/// distances have it, is lifted out along the normal, by no more than the slack.
 #[inline(always)]
-pub(super) fn segment(ray: &Ray, normal: Vec3, bias: Bias, (low, high): (Vec3, Vec3)) -> Segment {
+pub(super) fn segment(
+    ray: &Ray,
+    normal: Vec3,
+    slack: f32,
+    (low, high): (Vec3, Vec3),
+    distance: impl Fn(Vec3) -> f32,
+) -> Segment {
     let length = ray.direction.dot(ray.direction).sqrt();
     let direction = ray.direction * (1.0 / length);
     let inside = ray.origin.clamp(low, high) == ray.origin;
-    let (lift, start) = if inside { (bias.height * LIFT, bias.along * START) } else { (0.0, 0.0) };
+    let slack = if inside { slack } else { 0.0 };
+    let lift = if slack > 0.0 && normal != Vec3::ZERO { (-distance(ray.origin)).clamp(0.0, slack) } else { 0.0 };
     let origin = ray.origin + normal * lift;
     let (t_entry, t_exit) = box_segment(origin, direction, low, high);
-    Segment { origin, direction, t_min: t_entry.max(start), t_max: t_exit.min(ray.t_max * length) }
+    Segment { origin, direction, t_min: t_entry.max(0.0), t_max: t_exit.min(ray.t_max * length), slack }
 }
 
 impl DistanceField {
     /// How rays are traced that ask whether something is in the way.
-    fn any_hit(&self) -> SphereTracing {
+    fn any_hit(&self, bias: Bias) -> SphereTracing {
+        let finer = self.threshold() / GRID_THRESHOLD;
         SphereTracing {
             relaxation: RELAXATION,
             adaptive: true,
@@ -70,19 +81,24 @@ impl DistanceField {
             exhausted: Exhausted::Missed,
             smoothing: 0,
             from_inside: false,
-            least_step: LEAST_STEP,
+            slack: bias.height * (SLACK * finer),
+            slack_reach: bias.along * (SLACK_REACH * finer),
+            least_step: LEAST_STEP * finer,
         }
     }
 
-    fn traced(&self, ray: &Ray, normal: Vec3, bias: Bias, settings: &SphereTracing) -> Traced {
-        let Segment { origin, direction, t_min, t_max } = segment(ray, normal, bias, self.bounds());
-        sphere_trace(|position| self.distance(position), origin, direction, (t_min, t_max), settings)
+    fn traced(&self, ray: &Ray, normal: Vec3, bias: Bias) -> Traced {
+        let settings = self.any_hit(bias);
+        let distance = |position| self.distance(position);
+        let Segment { origin, direction, t_min, t_max, slack } =
+            segment(ray, normal, settings.slack, self.bounds(), distance);
+        sphere_trace(distance, origin, direction, (t_min, t_max), &SphereTracing { slack, ..settings })
     }
 
     /// [`VisibilityField::hit`](crate::VisibilityField::hit), for a ray, a normal and a bias in the space of the distances.
     pub(crate) fn hit(&self, ray: &Ray, normal: Vec3, bias: Bias) -> Option<f32> {
         let (rescaled, scale) = ray.rescaled();
-        let traced = self.traced(&rescaled, normal, bias, &self.any_hit());
+        let traced = self.traced(&rescaled, normal, bias);
         let t = traced.t / rescaled.direction.length() / scale;
         traced.hit.then(|| finite(t).min(ray.t_max.next_down()))
     }
@@ -90,7 +106,7 @@ impl DistanceField {
     /// [`VisibilityField::occluded`](crate::VisibilityField::occluded), likewise.
     pub(crate) fn occluded(&self, ray: &Ray, normal: Vec3, bias: Bias) -> bool {
         let (ray, _) = ray.rescaled();
-        self.traced(&ray, normal, bias, &self.any_hit()).hit
+        self.traced(&ray, normal, bias).hit
     }
 }
 

@@ -33,6 +33,11 @@ pub struct SphereTracing {
     pub smoothing: u32,
     /// Whether a ray that starts inside a solid goes on to where it leaves it, as light does in glass. Otherwise it has hit at once.
     pub from_inside: bool,
+    /// How far below the threshold a distance has to be to count as a surface where the ray starts, because it leaves one that the
+    /// distances show only so accurately; and over how long a way that ends.
+    pub slack: f32,
+    /// See [`slack`](Self::slack); above 0.
+    pub slack_reach: f32,
     /// No step is shorter, so that grazing rays arrive: less than what is to be hit is thick. 0 for none.
     pub least_step: f32,
 }
@@ -61,11 +66,13 @@ impl Default for SphereTracing {
             relaxation: 1.4,
             adaptive: true,
             max_steps: 64,
-            threshold: 0.1,
+            threshold: 0.05,
             pixel: 0.0,
             exhausted: Exhausted::Missed,
             smoothing: 0,
             from_inside: false,
+            slack: 0.0,
+            slack_reach: 1.0,
             least_step: 0.0,
         }
     }
@@ -76,6 +83,12 @@ impl SphereTracing {
     #[inline(always)]
     fn tolerance(&self, t: f32) -> f32 {
         self.threshold.max(self.pixel * t)
+    }
+
+    /// Whether a ray that has come to t has met a surface at this distance.
+    #[inline(always)]
+    fn meets(&self, radius: f32, t: f32) -> bool {
+        radius < self.tolerance(t) - self.slack * (1.0 - t / self.slack_reach).max(0.0)
     }
 
     /// How far from the surface that a ray has met the next one starts, to meet another: ε of 2014, §3.3, with the threshold as
@@ -153,7 +166,7 @@ pub fn sphere_trace(
             nearest = relative;
             (traced.t, traced.distance) = (t, signed);
         }
-        if relative < 1.0 {
+        if settings.meets(radius, t) {
             traced.hit = true;
             break;
         }
@@ -225,6 +238,8 @@ mod tests {
         exhausted: Exhausted::Missed,
         smoothing: 0,
         from_inside: true,
+        slack: 0.0,
+        slack_reach: 1.0,
         least_step: 0.0,
     };
 

@@ -15,9 +15,11 @@ mod tests;
 mod winding;
 
 use glam::{DVec3, Vec3};
+use visfield::FieldError;
+use visfield::distance::{DistanceGrid, DistanceGridFormat, DistanceGridHeader, GRID_THRESHOLD};
 
-pub(crate) use self::fit::{Lowered, fit_to_surface};
 use self::closest::Surface;
+use self::fit::fit_to_surface;
 use self::signs::apply_signs;
 use self::winding::WindingNumbers;
 
@@ -44,6 +46,31 @@ impl GridPoints {
     }
 }
 
+/// How far above 0 a grid's interpolation may be at the surface, in voxels, before it is rounded: less than where rays stop.
+const BOUND: f32 = 0.9 * GRID_THRESHOLD;
+
+/// Bakes a grid; `progress` hears of every point once.
+pub(crate) fn bake_distance_grid(
+    triangles: &[[DVec3; 3]],
+    format: DistanceGridFormat,
+    progress: impl Fn(u64) + Sync,
+) -> Result<DistanceGrid, FieldError> {
+    format.validate()?;
+    let corners = triangles.as_flattened();
+    let low = corners.iter().fold(DVec3::INFINITY, |low, p| low.min(*p)).as_vec3().to_array();
+    let high = corners.iter().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p)).as_vec3().to_array();
+    let header = DistanceGridHeader { excess: BOUND, ..DistanceGridHeader::around(low, high, format) };
+    header.validate()?;
+    let grid = GridPoints {
+        low: DVec3::from(header.first.map(f64::from)),
+        voxel: f64::from(header.voxel),
+        points: header.points,
+    };
+    let mut distances = signed_distances(triangles, &grid, progress);
+    fit_to_surface(&mut distances, &grid, triangles, BOUND);
+    DistanceGrid::from_distances(header, &distances)
+}
+
 /// Signed distances from a grid's points to the nearest triangle, in voxels, x fastest: negative inside, where a surface
 /// winds around the point at least half a time in either sense. Infinite without triangles.
 ///
@@ -53,16 +80,10 @@ impl GridPoints {
 ///
 /// `progress` is called now and then, from any thread, with the number of points done since the last call; the sum is the
 /// number of points.
-pub(crate) fn signed_distances(
-    triangles: &[[DVec3; 3]],
-    grid: &GridPoints,
-    progress: impl Fn(u64) + Sync,
-) -> Vec<f32> {
+pub(crate) fn signed_distances(triangles: &[[DVec3; 3]], grid: &GridPoints, progress: impl Fn(u64) + Sync) -> Vec<f32> {
     let surface = Surface::new(&grid.in_voxels(triangles));
     let mut distances = surface.lattice_distances(grid.points, progress);
     let windings = WindingNumbers::new(&surface);
-    apply_signs(&mut distances, grid.points, |place| {
-        windings.at(Vec3::from(place.map(|x| x as f32))).abs() >= 0.5
-    });
+    apply_signs(&mut distances, grid.points, |place| windings.at(Vec3::from(place.map(|x| x as f32))).abs() >= 0.5);
     distances
 }

@@ -51,7 +51,11 @@ fn timing() {
             windings.at(Vec3::from(place.map(|x| x as f32))).abs() >= 0.5
         });
         let inside = distances.iter().filter(|d| **d < 0.0).count();
-        println!("signs {:?}, asked {asked:?}, inside {inside} {:?}", clock.elapsed(), distances.iter().copied().fold(0.0, f32::min));
+        println!(
+            "signs {:?}, asked {asked:?}, inside {inside} {:?}",
+            clock.elapsed(),
+            distances.iter().copied().fold(0.0, f32::min)
+        );
         let clock = Instant::now();
         let lowered = fit_to_surface(&mut distances, &grid, &triangles, 0.05);
         println!("fit {:?}: {lowered:?}", clock.elapsed());

@@ -127,7 +127,6 @@ impl Dipole {
 pub(crate) fn solid_angle([a, b, c]: [DVec3; 3]) -> f64 {
     let [length_a, length_b, length_c] = [a, b, c].map(DVec3::length);
     let numerator = a.dot(b.cross(c));
-    let denominator =
-        length_a * length_b * length_c + a.dot(b) * length_c + b.dot(c) * length_a + c.dot(a) * length_b;
+    let denominator = length_a * length_b * length_c + a.dot(b) * length_c + b.dot(c) * length_a + c.dot(a) * length_b;
     2.0 * numerator.atan2(denominator)
 }
