@@ -98,7 +98,7 @@ impl Dipole {
     fn of_triangles(triangles: &[[Vec3; 3]]) -> Self {
         let mut sum = Self::default();
         let mut middle = DVec3::ZERO;
-        for [a, b, c] in triangles.iter().map(|corners| corners.map(|p| p.as_dvec3())) {
+        for [a, b, c] in triangles.iter().map(|corners| corners.map(Vec3::as_dvec3)) {
             let normal = (b - a).cross(c - a) * 0.5;
             let center = (a + b + c) / 3.0;
             sum.moment += normal;
@@ -127,7 +127,6 @@ impl Dipole {
 pub(crate) fn solid_angle([a, b, c]: [DVec3; 3]) -> f64 {
     let [length_a, length_b, length_c] = [a, b, c].map(DVec3::length);
     let numerator = a.dot(b.cross(c));
-    let denominator =
-        length_a * length_b * length_c + a.dot(b) * length_c + b.dot(c) * length_a + c.dot(a) * length_b;
+    let denominator = length_a * length_b * length_c + a.dot(b) * length_c + b.dot(c) * length_a + c.dot(a) * length_b;
     2.0 * numerator.atan2(denominator)
 }
