@@ -215,8 +215,9 @@ impl Triangle {
     pub(crate) fn squared_distance(&self, point: DVec3) -> f64 {
         let Self { corners, edges, edge_scales, normal, normal_scale } = self;
         let to_point = corners.map(|corner| point - corner);
+        #[expect(clippy::manual_clamp, reason = "with `clamp`, the whole search takes a tenth longer")]
         let edge_squared = |i: usize| {
-            let along = (edges[i].dot(to_point[i]) * edge_scales[i]).clamp(0.0, 1.0);
+            let along = (edges[i].dot(to_point[i]) * edge_scales[i]).max(0.0).min(1.0);
             (to_point[i] - edges[i] * along).length_squared()
         };
         let inward = |i: usize| normal.cross(edges[i]).dot(to_point[i]);

@@ -20,19 +20,20 @@ pub(crate) struct Lowered {
     pub(crate) max: f32,
 }
 
-/// Distance between the rows of samples on a triangle, and between the samples of a row, in voxels. From any point of the triangle a row is at
-/// most one such distance down, and a sample of it at most half the other away: √(0.25² + 0.165²) = 0.3 voxels.
-const ROWS: f32 = 0.25;
-const ALONG: f32 = 0.33;
+/// Distance between the rows of samples on a triangle, and between the samples of a row, in voxels. From any point of the
+/// triangle a row is at most one such distance down, and a sample of it at most half the other away: √(0.16² + 0.12²) = 0.2
+/// voxels.
+const ROWS: f32 = 0.16;
+const ALONG: f32 = 0.24;
 /// Triangles whose corners are all this near to their centre, in voxels, have one sample: there.
-const TINY: f32 = 0.3;
+const TINY: f32 = 0.2;
 /// About the most samples. Beyond them, they are farther apart.
 const MOST_SAMPLES: f64 = 16.0e6;
 /// Sweeps over the samples that are above the bound, before the one that makes sure.
 const SWEEPS: usize = 8;
 
 /// Lowers grid values, in voxels, until their trilinear interpolation is at most `bound` at every sample of the surface; no point of
-/// the surface is farther than 0.3 voxels from a sample.
+/// the surface is farther than 0.2 voxels from a sample.
 ///
 /// Exact distances do not do that: what is thinner than a voxel has no grid points inside, and between two points half a voxel
 /// away on either side, the interpolation never falls below a half. Whoever walks along a ray by these distances passes
