@@ -231,16 +231,21 @@ fn odd_soups_agree_with_every_triangle_in_turn() {
 
 #[test]
 fn needles_are_exact() {
-    // Products of single precision would lose the barycentric coordinates altogether.
     let turn = DMat3::from_rotation_x(0.3) * DMat3::from_rotation_y(1.1);
     let mut random = Random(7);
     for width in [1e-2, 1e-4, 1e-6, 0.0] {
         let needle = [DVec3::ZERO, dvec3(60.0, 0.0, 0.0), dvec3(25.0, width, 0.0)];
-        for _ in 0..500 {
-            let flat = dvec3(30.0 + random.signed() * 40.0, random.signed() * 3.0, random.signed() * 3.0);
+        for i in 0..1000 {
+            let flat = if i % 2 == 0 {
+                dvec3(30.0 + random.signed() * 40.0, random.signed() * 3.0, random.signed() * 3.0)
+            } else {
+                random.on_triangle(needle) + dvec3(0.0, 0.0, random.signed())
+            };
             let along = flat.x.clamp(0.0, 60.0);
             let exact = flat.distance(dvec3(along, 0.0, 0.0));
-            let found = Triangle::new(needle.map(|p| turn * p)).squared_distance(turn * flat).sqrt();
+            let mut turned = needle.map(|p| turn * p);
+            turned.rotate_left(i % 3);
+            let found = Triangle::new(turned).squared_distance(turn * flat).sqrt();
             assert!((found - exact).abs() < width + 1e-6, "width {width}, {flat}: {found}, exactly {exact}");
         }
     }
