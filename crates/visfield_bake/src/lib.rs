@@ -29,7 +29,6 @@
 pub mod bake;
 pub mod bounds;
 mod cap_grid;
-#[cfg_attr(not(test), expect(dead_code, reason = "what bakes distance grids is yet to come"))]
 mod distance;
 pub mod exact;
 pub mod measure;

@@ -201,7 +201,10 @@ impl BinaryBvh {
                 Triangle { v0, v1, v2 }
             })
             .collect();
-        let bvh = build_bvh2_from_tris(&soup, BvhBuildParams::medium_build(), &mut Duration::default());
+        // Boxes are cheap to test beside triangles, at any distance: small leaves, whatever a ray would prefer.
+        let settings =
+            BvhBuildParams { max_prims_per_leaf: 4, collapse_traversal_cost: 1.0, ..BvhBuildParams::medium_build() };
+        let bvh = build_bvh2_from_tris(&soup, settings, &mut Duration::default());
         let node = |node: &obvhs::bvh2::node::Bvh2Node| BinaryNode {
             low: node.aabb().min.to_array().into(),
             high: node.aabb().max.to_array().into(),

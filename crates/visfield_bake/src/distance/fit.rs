@@ -20,29 +20,47 @@ pub(crate) struct Lowered {
     pub(crate) max: f32,
 }
 
-/// Distance between the rows of samples on a triangle, and between the samples of a row, in voxels. From any point of the triangle a row is at
-/// most one such distance down, and a sample of it at most half the other away: √(0.25² + 0.165²) = 0.3 voxels.
-const ROWS: f32 = 0.25;
-const ALONG: f32 = 0.33;
+/// Distance between the rows of samples on a triangle, and between the samples of a row, in voxels. From any point of the
+/// triangle a row is at most one such distance down, and a sample of it at most half the other away: √(0.16² + 0.12²) = 0.2
+/// voxels.
+const ROWS: f32 = 0.16;
+const ALONG: f32 = 0.24;
 /// Triangles whose corners are all this near to their centre, in voxels, have one sample: there.
-const TINY: f32 = 0.3;
+const TINY: f32 = 0.2;
 /// About the most samples. Beyond them, they are farther apart.
 const MOST_SAMPLES: f64 = 16.0e6;
 /// Sweeps over the samples that are above the bound, before the one that makes sure.
 const SWEEPS: usize = 8;
 
-/// Lowers grid values, in voxels, until their trilinear interpolation is at most `bound` at every sample of the surface; no point of
-/// the surface is farther than 0.3 voxels from a sample.
+/// How far above 0 the interpolation may be at the surface, in voxels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct FitBounds {
+    /// Where nothing behind the surface is inside: rays meet nothing else.
+    pub(crate) sheet: f32,
+    /// Where the inside is behind it, which rays meet even if they miss the surface.
+    pub(crate) solid: f32,
+}
+
+/// Value half a voxel off the surface below which the inside is there.
+const SOLID: f32 = -0.25;
+
+/// Lowers grid values, in voxels, until their trilinear interpolation is within the bounds at every sample of the surface; no point of
+/// the surface is farther than 0.2 voxels from a sample.
 ///
 /// Exact distances do not do that: what is thinner than a voxel has no grid points inside, and between two points half a voxel
 /// away on either side, the interpolation never falls below a half. Whoever walks along a ray by these distances passes
 /// through unseen. Values are only lowered, so that they never exceed the distance, and as little as possible in the sense of least
 /// squares (the method is Hildreth's, *A Quadratic Programming Procedure*, 1957: Kaczmarz' projections that may be
 /// taken back in part). Thin sheets become up to about a voxel thick.
-pub(crate) fn fit_to_surface(values: &mut [f32], grid: &GridPoints, triangles: &[[DVec3; 3]], bound: f32) -> Lowered {
+pub(crate) fn fit_to_surface(
+    values: &mut [f32],
+    grid: &GridPoints,
+    triangles: &[[DVec3; 3]],
+    bounds: FitBounds,
+) -> Lowered {
     let triangles = grid.in_voxels(triangles);
     let sampling = Sampling::new(&triangles);
-    let (samples, mut above) = above_bound(values, grid.points, &triangles, &sampling, bound);
+    let (samples, mut above) = above_bound(values, grid.points, &triangles, &sampling, bounds);
     let before = values.to_vec();
     for sweep in 0..=SWEEPS {
         // Nothing is taken back in the end.
@@ -52,7 +70,7 @@ pub(crate) fn fit_to_surface(values: &mut [f32], grid: &GridPoints, triangles: &
             let value: f32 = indices.iter().zip(weights).map(|(&i, weight)| values[i as usize] * weight).sum();
             let squares: f32 = weights.iter().map(|weight| weight * weight).sum();
             let least = if last { 0.0 } else { -sample.push };
-            let push = ((value - bound) / squares).max(least);
+            let push = ((value - sample.bound) / squares).max(least);
             sample.push += push;
             for (&i, weight) in indices.iter().zip(weights) {
                 values[i as usize] -= push * weight;
@@ -115,6 +133,7 @@ impl Cell {
 /// A point of the surface whose value is too high.
 struct Above {
     cell: Cell,
+    bound: f32,
     /// How far it has pushed the values down so far.
     push: f32,
 }
@@ -125,16 +144,24 @@ fn above_bound(
     points: [u32; 3],
     triangles: &[[Vec3; 3]],
     sampling: &Sampling,
-    bound: f32,
+    bounds: FitBounds,
 ) -> (u64, Vec<Above>) {
     let of_chunk = |triangles: &[[Vec3; 3]]| {
         let (mut samples, mut above) = (0, Vec::new());
         for triangle in triangles {
+            let normal = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).normalize_or_zero();
             sampling.for_each(triangle, |place| {
                 let Some(cell) = Cell::around(points, place) else { return };
                 samples += 1;
-                if cell.value(values) > bound {
-                    above.push(Above { cell, push: 0.0 });
+                let value = cell.value(values);
+                if value <= bounds.sheet.min(bounds.solid) {
+                    return;
+                }
+                let beside = |side: f32| Cell::around(points, place + normal * (0.5 * side));
+                let is_solid = [-1.0, 1.0].into_iter().filter_map(beside).any(|cell| cell.value(values) < SOLID);
+                let bound = if is_solid { bounds.solid } else { bounds.sheet };
+                if value > bound {
+                    above.push(Above { cell, bound, push: 0.0 });
                 }
             });
         }

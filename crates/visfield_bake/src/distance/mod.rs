@@ -19,7 +19,7 @@ use visfield::FieldError;
 use visfield::distance::{DistanceGrid, DistanceGridFormat, DistanceGridHeader, GRID_THRESHOLD};
 
 use self::closest::Surface;
-use self::fit::fit_to_surface;
+use self::fit::{FitBounds, fit_to_surface};
 use self::signs::apply_signs;
 use self::winding::WindingNumbers;
 
@@ -46,8 +46,9 @@ impl GridPoints {
     }
 }
 
-/// How far above 0 a grid's interpolation may be at the surface, in voxels, before it is rounded: less than where rays stop.
-const BOUND: f32 = 0.9 * GRID_THRESHOLD;
+/// How far above 0 a grid's interpolation may be at the surface, in voxels: sheets, which are missed otherwise, less than where
+/// rays stop. The less, the more the fit thickens.
+const BOUNDS: FitBounds = FitBounds { sheet: 0.9 * GRID_THRESHOLD, solid: 0.12 };
 
 /// Bakes a grid; `progress` hears of every point once.
 pub(crate) fn bake_distance_grid(
@@ -59,7 +60,7 @@ pub(crate) fn bake_distance_grid(
     let corners = triangles.as_flattened();
     let low = corners.iter().fold(DVec3::INFINITY, |low, p| low.min(*p)).as_vec3().to_array();
     let high = corners.iter().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p)).as_vec3().to_array();
-    let header = DistanceGridHeader { excess: BOUND, ..DistanceGridHeader::around(low, high, format) };
+    let header = DistanceGridHeader { excess: BOUNDS.solid, ..DistanceGridHeader::around(low, high, format) };
     header.validate()?;
     let grid = GridPoints {
         low: DVec3::from(header.first.map(f64::from)),
@@ -67,7 +68,12 @@ pub(crate) fn bake_distance_grid(
         points: header.points,
     };
     let mut distances = signed_distances(triangles, &grid, progress);
-    fit_to_surface(&mut distances, &grid, triangles, BOUND);
+    fit_to_surface(
+        &mut distances,
+        &grid,
+        triangles,
+        std::env::var("SOLIDB").map_or(BOUNDS, |x| FitBounds { solid: x.parse().unwrap(), ..BOUNDS }),
+    );
     DistanceGrid::from_distances(header, &distances)
 }
 

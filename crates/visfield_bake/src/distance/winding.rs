@@ -98,7 +98,7 @@ impl Dipole {
     fn of_triangles(triangles: &[[Vec3; 3]]) -> Self {
         let mut sum = Self::default();
         let mut middle = DVec3::ZERO;
-        for [a, b, c] in triangles.iter().map(|corners| corners.map(|p| p.as_dvec3())) {
+        for [a, b, c] in triangles.iter().map(|corners| corners.map(Vec3::as_dvec3)) {
             let normal = (b - a).cross(c - a) * 0.5;
             let center = (a + b + c) / 3.0;
             sum.moment += normal;
