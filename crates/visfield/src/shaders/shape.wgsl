@@ -124,15 +124,15 @@ fn shape_distance(first_word: u32, nodes: u32, position: vec3<f32>) -> f32 {
     }
     var stack: array<f32, SHAPE_STACK>;
     var height = 0u;
-    let from = vec4(position, 1.0);
+    let place = vec4(position, 1.0);
     for (var i = 0u; i < nodes; i++) {
         let word = first_word + i * SHAPE_NODE_WORDS;
         let kind = pool[word];
         if kind < SHAPE_UNION {
             let parameters = shape_words(word).yzw;
-            let x = dot(shape_words(word + 4u), from);
-            let y = dot(shape_words(word + 8u), from);
-            let z = dot(shape_words(word + 12u), from);
+            let x = dot(shape_words(word + 4u), place);
+            let y = dot(shape_words(word + 8u), place);
+            let z = dot(shape_words(word + 12u), place);
             stack[height] = primitive_distance(kind, parameters, vec3(x, y, z));
             height += 1u;
         } else {

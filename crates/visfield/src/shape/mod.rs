@@ -394,7 +394,7 @@ mod tests {
             assert!(matches!(BALL.turned(bad).validate(), Err(ShapeError::Rotation(_))), "{bad}");
         }
         // As written by hand, with four digits.
-        assert_eq!(BALL.turned(Quat::from_xyzw(0.7071, 0.0, 0.0, 0.7071)).validate(), Ok(()));
+        assert_eq!(BALL.turned(Quat::from_xyzw(0.3827, 0.0, 0.0, 0.9239)).validate(), Ok(()));
         assert_eq!(Shape::Intersection(vec![]).validate(), Err(ShapeError::EmptyIntersection));
         assert_eq!(BALL.union(Shape::Intersection(vec![])).validate(), Err(ShapeError::EmptyIntersection));
     }

@@ -43,6 +43,8 @@ impl Pose {
     /// The part's axes in the whole, as columns of unit length.
     pub(super) fn axes(&self) -> DMat3 {
         let exact = |x: f64| if x.abs() < SMALLEST_COMPONENT { 0.0 } else { x };
-        DMat3::from_cols_array(&self.rotation.to_cols_array().map(exact))
+        // With one component left, that is ±1 then.
+        let axis = |i: usize| self.rotation.col(i).map(exact).normalize();
+        DMat3::from_cols(axis(0), axis(1), axis(2))
     }
 }

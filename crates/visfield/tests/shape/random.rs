@@ -22,7 +22,8 @@ pub(crate) fn check<S: Strategy>(cases: u32, strategy: &S, test: impl Fn(S::Valu
 
 /// Where most shapes are, and around them.
 pub(crate) fn position() -> impl Strategy<Value = Vec3> + Clone {
-    prop::array::uniform3(-8.0_f32..8.0).prop_map(Vec3::from)
+    let within = |reach: f32| prop::array::uniform3(-reach..reach).prop_map(Vec3::from);
+    prop_oneof![within(2.0), within(8.0)]
 }
 
 /// Any rotation, quarter turns among them.
