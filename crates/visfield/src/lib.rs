@@ -12,6 +12,8 @@
 //!    scene,
 //! 6. [`gpu`](mod@gpu) (feature `gpu`) does the same for every pixel of a frame, in plain WGSL compute passes.
 //!
+//! Beside it, [`shape`] describes solids by formulas instead of tables, and gives the distance to them.
+//!
 //! *Occlusion* is 0 where nothing is in the way and 1 where everything is; *visibility* is 1 − occlusion.
 //!
 //! The method follows Gaitatzes et al., *Presampled Visibility for Ambient Occlusion* (2008) and *Fast Approximate
@@ -39,6 +41,7 @@ pub mod file;
 pub mod gpu;
 pub mod raycast;
 pub mod scene;
+pub mod shape;
 
 pub use field::query::{QueryOptions, Ray};
 pub use field::{
