@@ -68,12 +68,7 @@ pub(crate) fn bake_distance_grid(
         points: header.points,
     };
     let mut distances = signed_distances(triangles, &grid, progress);
-    fit_to_surface(
-        &mut distances,
-        &grid,
-        triangles,
-        std::env::var("SOLIDB").map_or(BOUNDS, |x| FitBounds { solid: x.parse().unwrap(), ..BOUNDS }),
-    );
+    fit_to_surface(&mut distances, &grid, triangles, BOUNDS);
     DistanceGrid::from_distances(header, &distances)
 }
 
