@@ -38,6 +38,12 @@ impl DistanceField {
                 };
                 march(grid, rays, normal, bias, hits, answer);
             }
+            // Trees differ too much from ray to ray for lanes.
+            Self::Shape(_) => {
+                for (hit, ray) in hits.iter_mut().zip(rays) {
+                    *hit = self.hit(ray, normal, bias).unwrap_or(f32::INFINITY);
+                }
+            }
         }
     }
 
@@ -45,6 +51,11 @@ impl DistanceField {
     pub(crate) fn occluded_batch(&self, rays: &[Ray], normal: Vec3, bias: Bias, occluded: &mut [bool]) {
         match self {
             Self::Grid(grid) => march(grid, rays, normal, bias, occluded, |_, t| t < f32::INFINITY),
+            Self::Shape(_) => {
+                for (occluded, ray) in occluded.iter_mut().zip(rays) {
+                    *occluded = self.occluded(ray, normal, bias);
+                }
+            }
         }
     }
 }
