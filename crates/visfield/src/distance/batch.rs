@@ -10,6 +10,8 @@
     reason = "lane by lane through several arrays, and without branches: that is what becomes vector instructions"
 )]
 
+use std::cell::Cell;
+
 use glam::Vec3;
 use pulp::{Arch, NullaryFnOnce};
 
@@ -118,6 +120,19 @@ impl<C: Copy + Into<f32>, A, F: Fn(&Ray, f32) -> A> NullaryFnOnce for March<'_, 
     fn call(self) {
         let Self { grid, codes, rays, normal, bias, answers, answer } = self;
         let bounds = (Vec3::ZERO, grid.last);
+        // Many rays leave each point: what is known of the last one is kept.
+        let known = Cell::new((Vec3::NAN, 0.0));
+        let distance_at_origin = |position: Vec3| {
+            let (last, distance) = known.get();
+            if last == position {
+                return distance;
+            }
+            let place = grid.place(position);
+            let corners = grid.corners(codes, place.index);
+            let distance = grid.interpolate(&corners, place.fraction, place.squared_beyond);
+            known.set((position, distance));
+            distance
+        };
         let mut lanes = Lanes {
             ray: [IDLE; LANES],
             origin: Vectors::ZERO,
@@ -144,11 +159,7 @@ impl<C: Copy + Into<f32>, A, F: Fn(&Ray, f32) -> A> NullaryFnOnce for March<'_, 
                 while next < rays.len() {
                     let (ray, _) = rays[next].rescaled();
                     let Segment { origin, direction, t_min, t_max, slack } =
-                        segment(&ray, normal, bias.height * SLACK, bounds, |position| {
-                            let place = grid.place(position);
-                            let corners = grid.corners(codes, place.index);
-                            grid.interpolate(&corners, place.fraction, place.squared_beyond)
-                        });
+                        segment(&ray, normal, bias.height * SLACK, bounds, distance_at_origin);
                     if t_min < t_max {
                         lanes.ray[lane] = next;
                         lanes.origin.set(lane, origin);
