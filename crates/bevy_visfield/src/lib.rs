@@ -82,7 +82,8 @@ use bevy::asset::AssetApp;
 pub use asset::{VisibilityField, VisibilityFieldLoader, VisibilityFieldSet};
 pub use components::{
     FieldOcclusion, FieldOcclusionCost, FieldOcclusionQuality, FieldShadows, NotFieldAmbientOccluder, NotFieldOccluder,
-    NotFieldShadowCaster, OcclusionEstimator, OcclusionFalloff, ScreenSpaceOcclusion, VisibilityField3d,
+    NotFieldShadowCaster, OcclusionEstimator, OcclusionFalloff, ScreenSpaceOcclusion, ShadowEstimator,
+    VisibilityField3d,
 };
 pub use debug::FieldDebugView;
 pub use diagnostics::FieldOcclusionDiagnosticsPlugin;
@@ -99,8 +100,8 @@ pub mod prelude {
     pub use crate::{
         FieldDebugView, FieldMemoryBudget, FieldOcclusion, FieldOcclusionQuality, FieldShadowDiagnosis, FieldShadows,
         NotFieldAmbientOccluder, NotFieldOccluder, NotFieldReceiver, NotFieldShadowCaster, OcclusionEstimator,
-        OcclusionFalloff, OwnSurfaceOcclusion, ScreenSpaceOcclusion, VisibilityField, VisibilityField3d,
-        VisibilityFieldPlugin,
+        OcclusionFalloff, OwnSurfaceOcclusion, ScreenSpaceOcclusion, ShadowEstimator, VisibilityField,
+        VisibilityField3d, VisibilityFieldPlugin,
     };
 }
 
