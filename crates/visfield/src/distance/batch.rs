@@ -16,7 +16,7 @@ use glam::Vec3;
 use pulp::{Arch, NullaryFnOnce};
 
 use super::grid::{Cells, DistanceGrid, GridShape};
-use super::query::{LEAST_STEP, MAX_STEPS, RELAXATION, SLACK, SLACK_REACH, Segment, segment};
+use super::query::{LEAST_STEP, MAX_STEPS, RELAXATION, SLACK, SLACK_REACH, Segment, lifted, segment};
 use super::{DistanceField, GRID_THRESHOLD};
 use crate::field::lanes::Vectors;
 use crate::field::query::{Bias, Ray, finite};
@@ -120,18 +120,19 @@ impl<C: Copy + Into<f32>, A, F: Fn(&Ray, f32) -> A> NullaryFnOnce for March<'_, 
     fn call(self) {
         let Self { grid, codes, rays, normal, bias, answers, answer } = self;
         let bounds = (Vec3::ZERO, grid.last);
-        // Many rays leave each point: what is known of the last one is kept.
-        let known = Cell::new((Vec3::NAN, 0.0));
-        let distance_at_origin = |position: Vec3| {
-            let (last, distance) = known.get();
-            if last == position {
-                return distance;
-            }
+        let distance = |position: Vec3| {
             let place = grid.place(position);
             let corners = grid.corners(codes, place.index);
-            let distance = grid.interpolate(&corners, place.fraction, place.squared_beyond);
-            known.set((position, distance));
-            distance
+            grid.interpolate(&corners, place.fraction, place.squared_beyond)
+        };
+        let slack = bias.height * SLACK;
+        // Many rays leave each point: where the last one was lifted to is kept.
+        let known = Cell::new((Vec3::NAN, Vec3::ZERO));
+        let lift = |origin: Vec3| {
+            if known.get().0 != origin {
+                known.set((origin, lifted(origin, normal, slack, distance)));
+            }
+            known.get().1
         };
         let mut lanes = Lanes {
             ray: [IDLE; LANES],
@@ -158,8 +159,7 @@ impl<C: Copy + Into<f32>, A, F: Fn(&Ray, f32) -> A> NullaryFnOnce for March<'_, 
                 // Rays that pass the bounds by never get into a lane.
                 while next < rays.len() {
                     let (ray, _) = rays[next].rescaled();
-                    let Segment { origin, direction, t_min, t_max, slack } =
-                        segment(&ray, normal, bias.height * SLACK, bounds, distance_at_origin);
+                    let Segment { origin, direction, t_min, t_max, slack } = segment(&ray, slack, bounds, lift);
                     if t_min < t_max {
                         lanes.ray[lane] = next;
                         lanes.origin.set(lane, origin);

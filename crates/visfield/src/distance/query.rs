@@ -48,22 +48,25 @@ fn inverse(x: f32) -> f32 {
     1.0 / if x.abs() > least { x } else { least }
 }
 
-/// The segment of a ray that leaves a surface with this unit normal, or none if it is zero. An origin below the surface, as the
-/// distances have it, is lifted out along the normal, by no more than the slack.
+/// An origin on a surface with this unit normal, or none if it is zero: one that is below the surface, as the distances have it, is
+/// lifted out along the normal. Twice, for within sheets distances do not grow right away; each time by no more than the slack.
 #[inline(always)]
-pub(super) fn segment(
-    ray: &Ray,
-    normal: Vec3,
-    slack: f32,
-    (low, high): (Vec3, Vec3),
-    distance: impl Fn(Vec3) -> f32,
-) -> Segment {
+pub(super) fn lifted(mut origin: Vec3, normal: Vec3, slack: f32, distance: impl Fn(Vec3) -> f32) -> Vec3 {
+    if slack > 0.0 && normal != Vec3::ZERO {
+        for _ in 0..2 {
+            origin += normal * (-distance(origin)).clamp(0.0, slack);
+        }
+    }
+    origin
+}
+
+/// The segment of a ray in a box. `lift` is asked for the place of origins in it, where the ray is slack.
+#[inline(always)]
+pub(super) fn segment(ray: &Ray, slack: f32, (low, high): (Vec3, Vec3), lift: impl Fn(Vec3) -> Vec3) -> Segment {
     let length = ray.direction.dot(ray.direction).sqrt();
     let direction = ray.direction * (1.0 / length);
     let inside = ray.origin.clamp(low, high) == ray.origin;
-    let slack = if inside { slack } else { 0.0 };
-    let lift = if slack > 0.0 && normal != Vec3::ZERO { (-distance(ray.origin)).clamp(0.0, slack) } else { 0.0 };
-    let origin = ray.origin + normal * lift;
+    let (slack, origin) = if inside { (slack, lift(ray.origin)) } else { (0.0, ray.origin) };
     let (t_entry, t_exit) = box_segment(origin, direction, low, high);
     Segment { origin, direction, t_min: t_entry.max(0.0), t_max: t_exit.min(ray.t_max * length), slack }
 }
@@ -90,8 +93,8 @@ impl DistanceField {
     fn traced(&self, ray: &Ray, normal: Vec3, bias: Bias) -> Traced {
         let settings = self.any_hit(bias);
         let distance = |position| self.distance(position);
-        let Segment { origin, direction, t_min, t_max, slack } =
-            segment(ray, normal, settings.slack, self.bounds(), distance);
+        let lift = |origin| lifted(origin, normal, settings.slack, distance);
+        let Segment { origin, direction, t_min, t_max, slack } = segment(ray, settings.slack, self.bounds(), lift);
         sphere_trace(distance, origin, direction, (t_min, t_max), &SphereTracing { slack, ..settings })
     }
 

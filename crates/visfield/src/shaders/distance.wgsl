@@ -136,11 +136,11 @@ fn distance_occluded(
     let direction = ray_direction * (1.0 / ray_length);
     let inside = all(clamp(ray_origin, source.low, source.high) == ray_origin);
     let slack = select(0.0, bias.height * (SLACK * finer), inside);
-    var lift = 0.0;
+    var origin = ray_origin;
     if slack > 0.0 && any(normal != vec3<f32>(0.0)) {
-        lift = clamp(-field_distance(source, ray_origin), 0.0, slack);
+        origin += normal * clamp(-field_distance(source, origin), 0.0, slack);
+        origin += normal * clamp(-field_distance(source, origin), 0.0, slack);
     }
-    let origin = ray_origin + normal * lift;
     let part = box_segment(origin, direction, source.low, source.high);
     let settings = SphereTracing(
         RELAXATION, true, MAX_STEPS, source.threshold, 0.0, EXHAUSTED_MISSED, 0u, false,
