@@ -9,3 +9,4 @@ mod lookup;
 mod pool;
 mod shape;
 mod speed;
+mod sphere_trace;
