@@ -121,16 +121,18 @@ mod tests {
     #[test]
     fn shapes_are_as_the_facets_say() {
         for facets in [Facets::jewel(1.0), Facets::dodecahedron()] {
+            let mut own_facet = 0;
             let program = ShapeProgram::new(&facets.shape(), 1.0).unwrap();
             for sample in sphere_samples(300) {
                 let beam = Beam { position: DVec3::ZERO, direction: sample.as_dvec3() };
                 let (exit, normal) = facets.exit(beam);
                 let on = beam.direction * exit;
                 assert!(program.distance(on.as_vec3()).abs() < 1e-5);
-                assert!(facets.normal((on * 1.001).as_vec3()).dot(normal.as_vec3()) > 0.999);
+                own_facet += u32::from(facets.normal(on.as_vec3()).dot(normal.as_vec3()) > 0.999);
                 let outside = Beam { position: beam.direction * 3.0, direction: -beam.direction };
                 assert!((facets.entry(outside).unwrap().0 - (3.0 - exit)).abs() < 1e-9);
             }
+            assert!(own_facet > 295, "all but those on edges: {own_facet}");
         }
     }
 
