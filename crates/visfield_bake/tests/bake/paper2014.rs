@@ -55,7 +55,8 @@ fn every_technique_is_measured_against_none() {
             assert!(set[4].evaluations < set[0].evaluations, "over-relaxation pays: {scene}, {kind}");
             assert!(set[4].evaluations < set[3].evaluations * 1.02, "ours is no worse: {scene}, {kind}");
             assert_eq!(set[0].flipped + set[0].moved, 0);
-            assert!(set.iter().all(|row| 100 * row.flipped <= row.rays), "{set:?}");
+            // Few, but for rays that start so near an edge of the jewel that they are outside.
+            assert!(set.iter().all(|row| row.flipped <= 2 + row.rays / 100), "{set:?}");
         }
     }
     assert_eq!(paper.selection.len(), 3 * 2 * 3);
