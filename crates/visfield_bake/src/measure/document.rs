@@ -14,6 +14,7 @@ use super::gpu::GpuMeasurement;
 use super::many::Many;
 use super::paper2008::Paper2008;
 use super::paper2010::Paper2010;
+use super::paper2014::Paper2014;
 use super::picture::Pictures;
 use super::shadow::ShadowMeasurement;
 use super::tradeoff::Tradeoff;
@@ -63,10 +64,12 @@ pub enum MeasurementDocument {
     Gpu(Box<GpuMeasurement>),
     /// The figures of the 2010 paper, on a GPU.
     Paper2010(Box<Paper2010>),
+    /// The claims of the 2014 paper on sphere tracing.
+    Paper2014(Box<Paper2014>),
 }
 
 /// The names of [`MeasurementDocument`]'s variants, as `kind` has them.
-const KINDS: [&str; 7] = ["ambient", "shadow", "paper2008", "tradeoff", "many", "gpu", "paper2010"];
+const KINDS: [&str; 8] = ["ambient", "shadow", "paper2008", "tradeoff", "many", "gpu", "paper2010", "paper2014"];
 
 #[derive(Serialize)]
 struct Versioned<'a> {

@@ -159,13 +159,18 @@ pub(super) fn gather_limit(bytes: &[u8]) -> f64 {
 
 /// Median [`seconds`] of each work, in turn: what slows the machine down for a while slows all of them down.
 pub(super) fn race<const N: usize>(mut works: [&mut dyn FnMut(); N]) -> [f64; N] {
-    let mut times = [const { Vec::new() }; N];
+    race_all(&mut works).try_into().expect("a time for each work")
+}
+
+/// [`race`] of any number of works.
+pub(super) fn race_all(works: &mut [&mut dyn FnMut()]) -> Vec<f64> {
+    let mut times = vec![Vec::new(); works.len()];
     for _ in 0..REPEATS {
         for (work, times) in works.iter_mut().zip(&mut times) {
             times.push(seconds(work));
         }
     }
-    times.map(median)
+    times.into_iter().map(median).collect()
 }
 
 /// Median [`seconds`] of some work by itself.

@@ -9,6 +9,7 @@ use crate::measure::many::Many;
 use crate::measure::paper2008::published::{FIGURE6, FIGURE8, PublishedCell};
 use crate::measure::paper2008::{Finding, Model, Paper2008, TableSize};
 use crate::measure::paper2010::Paper2010;
+use crate::measure::paper2014::Paper2014;
 use crate::measure::table::count;
 use crate::measure::tradeoff::{FOOTNOTE, Tradeoff, TradeoffPoint};
 
@@ -82,6 +83,25 @@ pub(super) fn paper2010(paper: &Paper2010) -> Markup {
             h3 { (title) }
             (table(&cells))
             (findings(&found))
+        }
+    }
+}
+
+pub(super) fn paper2014(paper: &Paper2014) -> Markup {
+    html! {
+        p { (paper.summary()) }
+        @for (title, cells, found) in paper.figures() {
+            h3 { (title) }
+            (table(&cells))
+            (findings(&found))
+        }
+        div class="pictures" {
+            @for picture in &paper.pictures {
+                figure {
+                    img src={ "data:image/png;base64," (picture.png) } alt=(picture.caption) width=(picture.width) height=(picture.height);
+                    figcaption { (picture.caption) }
+                }
+            }
         }
     }
 }
