@@ -10,6 +10,7 @@ use thiserror::Error;
 use visfield::file::FileError;
 
 use super::ambient::AmbientMeasurement;
+use super::distance::DistanceMeasurement;
 use super::gpu::GpuMeasurement;
 use super::many::Many;
 use super::paper2008::Paper2008;
@@ -53,6 +54,8 @@ pub enum MeasurementDocument {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pictures: Option<Box<Pictures>>,
     },
+    /// Distances themselves.
+    Distance(Box<DistanceMeasurement>),
     /// The figures of the 2008 paper.
     Paper2008(Box<Paper2008>),
     /// Errors, sizes and speeds of many fields.
@@ -66,7 +69,7 @@ pub enum MeasurementDocument {
 }
 
 /// The names of [`MeasurementDocument`]'s variants, as `kind` has them.
-const KINDS: [&str; 7] = ["ambient", "shadow", "paper2008", "tradeoff", "many", "gpu", "paper2010"];
+const KINDS: [&str; 8] = ["ambient", "shadow", "distance", "paper2008", "tradeoff", "many", "gpu", "paper2010"];
 
 #[derive(Serialize)]
 struct Versioned<'a> {
