@@ -12,9 +12,9 @@
 //! inside the bounds or all outside, so that one of the two has answered them already. Only what is chosen in the end is asked
 //! itself. No measurement is made with fewer receivers or rays than are reported.
 //!
-//! Two assumptions save bakes, both about fields with the same parts, encoding and bounds. The error falls no faster than with the
-//! square root of the number of chords, or of points, so that a field is not tried if a coarser one was too bad (measured errors
-//! fall with about its fourth root). And finer cells are no worse: with a limit of bytes alone, and for the report of a failure,
+//! Two assumptions save bakes, both about fields with the same parts, encoding and bounds. The error of tables falls no faster than with
+//! the square root of the number of chords, so that a table is not tried if a coarser one was too bad, beside the same distances or
+//! without (measured errors fall with about its fourth root). And finer cells are no worse: with a limit of bytes alone, and for the report of a failure,
 //! only the finest fields that fit are compared.
 
 mod candidate;

@@ -118,12 +118,10 @@ impl Candidate {
             && self.voxels.unwrap_or(0) >= other.voxels.unwrap_or(0)
     }
 
-    /// The least share of its error that can be hoped to be left of a field that this [refines](Self::refines). Of a table and
-    /// distances, all of the error may be that of the part that is refined the more.
+    /// The least share of its error that can be hoped to be left of a field that this [refines](Self::refines). Errors of distances may
+    /// fall at once, when a voxel becomes as small as what is thin: of finer ones anything may be hoped.
     pub(super) fn least_hope(&self, coarser: &Self) -> f32 {
         let chords = |of: &Self| of.table.map_or(1.0, |table| table.format().chords() as f32);
-        let points = |of: &Self| (of.voxels.unwrap_or(1) as f32).powi(3);
-        let left = (chords(coarser) / chords(self)).min(points(coarser) / points(self));
-        left.sqrt()
+        if self.voxels == coarser.voxels { (chords(coarser) / chords(self)).sqrt() } else { 0.0 }
     }
 }

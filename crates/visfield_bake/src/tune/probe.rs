@@ -107,6 +107,11 @@ impl Probe {
         })
     }
 
+    /// What exact rays find for each receiver.
+    pub(super) fn exact(&self) -> &[f32] {
+        &self.exact
+    }
+
     /// Whether each receiver lies inside a field's bounds: all of its rays start there.
     pub(super) fn inside(&self, field: &VisibilityField) -> Vec<bool> {
         let asked = AskedField::new(field);

@@ -102,12 +102,30 @@ impl<'a, W: Fn(TuneStep) + Sync> Search<'a, W> {
         self.tuned(&best)
     }
 
-    /// Whether a coarser field of its family was so bad that this one must miss the limit too.
+    /// Whether a candidate must miss the limit: its distances alone miss it where they are asked, or a coarser field of its
+    /// family was too bad.
     fn is_hopeless(&self, candidate: &Candidate, max_rms: f32) -> bool {
+        if self.floor(candidate).is_some_and(|floor| floor > max_rms) {
+            return true;
+        }
         let misses = |trial: &Trial| {
             candidate.refines(&trial.candidate) && trial.rms * candidate.least_hope(&trial.candidate) > max_rms
         };
         self.trials.iter().any(misses)
+    }
+
+    /// The RMS of a table and distances together if the table made no errors, as far as it is known already.
+    fn floor(&self, candidate: &Candidate) -> Option<f32> {
+        let distances = self.found_by_distances.iter().find(|part| Some(part.of) == candidate.voxels)?;
+        let bounds = candidate.table?.bounds;
+        let (_, field) = self.traced.iter().find(|(traced, _)| traced.bounds == bounds)?;
+        let exact: Vec<Vec<f32>> = self.probes.iter().map(|probe| probe.exact().to_vec()).collect();
+        Some(self.worst_rms(&self.found_by_both(field, &exact, &distances.found)))
+    }
+
+    fn worst_rms(&self, found: &[Vec<f32>]) -> f32 {
+        let measured: Vec<Measured> = self.probes.iter().zip(found).map(|(probe, found)| probe.judge(found)).collect();
+        worst(&measured).rms_255
     }
 
     /// The RMS of a candidate, in the worst of what is required; measured once.
@@ -120,7 +138,8 @@ impl<'a, W: Fn(TuneStep) + Sync> Search<'a, W> {
             (Some(table), Some(voxels)) => {
                 let (by_table, by_distances) = (self.found_by_table(table)?, self.found_by_distances(voxels)?);
                 let field = self.traced(table)?;
-                self.found_by_both(&field, by_table, by_distances)
+                let (outer, inner) = (&self.found_by_tables[by_table], &self.found_by_distances[by_distances]);
+                self.found_by_both(&field, &outer.found, &inner.found)
             }
             (Some(table), None) => {
                 let index = self.found_by_table(table)?;
@@ -131,21 +150,18 @@ impl<'a, W: Fn(TuneStep) + Sync> Search<'a, W> {
                 self.found_by_distances[index].found.clone()
             }
         };
-        let measured: Vec<Measured> = self.probes.iter().zip(&found).map(|(probe, found)| probe.judge(found)).collect();
-        let rms = worst(&measured).rms_255;
+        let rms = self.worst_rms(&found);
         self.trials.push(Trial { candidate: *candidate, rms });
         Ok(rms)
     }
 
     /// For each receiver what the part says that its rays ask: the rays of a receiver all start at one place.
-    fn found_by_both(&self, field: &VisibilityField, table: usize, distances: usize) -> Vec<Vec<f32>> {
-        let (by_table, by_distances) = (&self.found_by_tables[table].found, &self.found_by_distances[distances].found);
-        let of_probe = |((probe, by_table), by_distances): ((&Probe, &Vec<f32>), &Vec<f32>)| {
-            let both = by_table.iter().zip(by_distances);
-            let found = probe.inside(field).into_iter().zip(both);
+    fn found_by_both(&self, field: &VisibilityField, outer: &[Vec<f32>], inner: &[Vec<f32>]) -> Vec<Vec<f32>> {
+        let of_probe = |((probe, outer), inner): ((&Probe, &Vec<f32>), &Vec<f32>)| {
+            let found = probe.inside(field).into_iter().zip(outer.iter().zip(inner));
             found.map(|(inside, (outer, inner))| if inside { *inner } else { *outer }).collect()
         };
-        self.probes.iter().zip(by_table).zip(by_distances).map(of_probe).collect()
+        self.probes.iter().zip(outer).zip(inner).map(of_probe).collect()
     }
 
     /// The index of what was found by a table.
