@@ -45,10 +45,14 @@ pub struct BakeSettings {
 }
 
 impl Default for BakeSettings {
-    /// A cap grid of 16 KiB, and a table of 4.3 million chords, 4.3 MB before compression: 2010's 4226 × 32² maps (DESIGN §7).
-    /// An odd side of the entries puts cell centres on the axes.
+    /// A cap grid of 16 KiB; a table of 4.3 million chords, 4.3 MB before compression: 2010's 4226 × 32² maps (DESIGN §7); and
+    /// distances at 64 points along the longest axis, 0.26 MB at most. An odd side of the entries puts cell centres on the axes.
     fn default() -> Self {
-        Self { cap_grid: Some(CapGridFormat::DEFAULT), ..Self::two_point(65, 32) }
+        Self {
+            cap_grid: Some(CapGridFormat::DEFAULT),
+            distance: Some(DistanceGridFormat::DEFAULT),
+            ..Self::two_point(65, 32)
+        }
     }
 }
 
@@ -106,7 +110,7 @@ impl BakeSettings {
     /// use visfield::FieldError;
     /// use visfield_bake::BakeSettings;
     /// assert_eq!(BakeSettings::default().validate(), Ok(()));
-    /// let nothing = BakeSettings { table: None, cap_grid: None, ..BakeSettings::default() };
+    /// let nothing = BakeSettings { table: None, cap_grid: None, distance: None, ..BakeSettings::default() };
     /// assert_eq!(nothing.validate(), Err(FieldError::Empty));
     /// ```
     ///
@@ -137,6 +141,15 @@ pub enum BakeError {
     /// A setting is out of range.
     #[error("these settings cannot be baked: {0}")]
     Settings(#[from] FieldError),
+    /// What is measured are rays, and the field answers none.
+    #[error(
+        "{name}: nothing in it answers rays; bake the field with a table or distances, as `--representation two-point` or \
+         `distance` does"
+    )]
+    NoRays {
+        /// The field's name.
+        name: String,
+    },
     /// What is measured is the table, and the field has none.
     #[error("{name}: there is no table to measure; bake the field with one, as `--representation two-point` does")]
     NoTable {
@@ -149,7 +162,7 @@ pub enum BakeError {
 ///
 /// Each chord of the table goes from the centre of an entry cell to the centre of an exit cell; what is stored is the first
 /// hit as a fraction of it. `progress` is called now and then, from any thread, with the number of rays traced since the last
-/// call; the sum is at most [`BakeSettings::rays`], and no less for a table alone.
+/// call, and of points of the distance grid; the sum is at most [`BakeSettings::rays`], and no less for a table alone.
 ///
 /// ```
 /// use visfield_bake::{BakeError, BakeSettings, Mesh, MeshError, bake};
@@ -194,6 +207,12 @@ fn bake_table(
         progress(block.chords());
     };
     ChordTable::sample(format, |blocks| blocks.into_par_iter().for_each(trace))
+}
+
+/// Whether rays can be measured with a field.
+pub(crate) fn check_rays(field: &VisibilityField) -> Result<(), BakeError> {
+    let name = || field.header().name.clone();
+    if field.answers_rays() { Ok(()) } else { Err(BakeError::NoRays { name: name() }) }
 }
 
 /// The table of a field, for what measures tables.
@@ -256,12 +275,12 @@ mod tests {
 
     #[test]
     fn settings_without_a_part_are_refused_before_the_mesh_is_looked_at() {
-        let settings = BakeSettings { table: None, cap_grid: None, ..BakeSettings::default() };
+        let settings = BakeSettings { table: None, cap_grid: None, distance: None, ..BakeSettings::default() };
         assert_eq!(bake(&Mesh::default(), &settings, |_| ()), Err(BakeError::Settings(FieldError::Empty)));
         assert_eq!((settings.rays(), settings.to_string()), (0, String::new()));
         assert_eq!(
             BakeSettings::default().to_string(),
-            "65\u{b2} \u{d7} 32\u{b2} in u8, sphere; caps 16\u{b3} in rgba8"
+            "65\u{b2} \u{d7} 32\u{b2} in u8, sphere; caps 16\u{b3} in rgba8; distances 64 voxels u8"
         );
     }
 }

@@ -9,11 +9,12 @@ use std::time::Instant;
 
 use clap::Args;
 use indicatif::{DecimalBytes, HumanCount, ProgressBar, ProgressStyle};
-use visfield::{CapGridFormat, ChordTable, Encoding, FieldParts, Representation, VisibilityField, file};
+use visfield::distance::DistanceField;
+use visfield::{ChordTable, Encoding, FieldParts, Representation, VisibilityField, file};
 use visfield_bake::tune::{TuneError, TuneQuestion, TuneStep, tune};
 use visfield_bake::{BakeError, BakeSettings, Mesh, bake, read_meshes};
 
-use super::inspect::{cap_grid_error, measured_line};
+use super::inspect::{cap_grid_error, distance_excess, measured_line};
 use super::settings::FieldArguments;
 use super::tune::TuneArguments;
 use super::{CommandError, check_output};
@@ -29,20 +30,25 @@ Examples:
   visfield bake rock.glb --max-rms 4 --for ao       the smallest one for ambient occlusion with an RMS of 4/255
   visfield bake tree.glb --max-rms 1.5 --max-bytes 2MB --for ao --receivers others
   visfield bake pebble.glb --representation cap-grid --points 8    2 kB, for ambient occlusion alone
+  visfield bake vase.glb --representation distance --voxels 96     no table: all rays are traced through distances
   visfield bake lamp.glb --falloff linear=1.5                      what is 1.5 mesh units away no longer counts in the cap grid
 
-A field holds a table, which answers rays, for ambient occlusion and shadows; and a cap grid, which gives ambient occlusion
-without rays and without noise. --representation says which, by default both.
+A field holds a table, which answers rays, for ambient occlusion and shadows; a cap grid, which gives ambient occlusion without
+rays and without noise; and distances, which answer the rays that start inside the mesh's bounds, on the mesh itself, more accurately
+than a table, and give soft shadows without noise. --representation says which, by default all three. Distances without a table
+answer all rays: in far fewer bytes, but several times slower.
 
 A table takes entries\u{b2} \u{d7} exits\u{b2} bytes in memory, less in the file, and as many rays to bake: 4.3 million by default,
 about a second. Halving both sides makes it 16 times smaller. A cap grid takes 4 bytes for each of points\u{b3} points, or
 2, 4 or 8 times as much with --precision and --order, and a second or two. It is measured while it is baked, around the mesh's box
-and inside it.
+and inside it. Distances take a byte for each of --voxels points along the longest axis of the mesh's box, and fewer along the others,
+0.26 MB at most for 64, and some seconds; 128 take 8 times as much.
 
-With a limit, tables of bits and of bytes are baked and measured on the very mesh, against exact rays: on a floor and walls
+With a limit, tables of bits and of bytes, distances, and both together are baked and measured on the very mesh, against exact rays: on a floor and walls
 around it, and on itself. The smallest that meets the limits wherever they are required is written, and what it was measured
 to get wrong, which `visfield inspect` shows. If there is none, the command fails and writes nothing. Each mesh of a glTF file
-is tuned by itself, with the same limits for each; the cap grid, if asked for, is baked beside the table. It takes seconds, up to a minute for limits that cannot be met.")]
+is tuned by itself, with the same limits for each; the cap grid, if asked for, is baked beside. To have no distances, or no table, leave
+them out of --representation: what is smallest is not what is fastest. It takes seconds, up to a minute for limits that cannot be met.")]
 pub(super) struct Arguments {
     /// The mesh: a .glb, .gltf or .obj file in any units, closed or open. Each primitive of a glTF file becomes a field of
     /// its own; node transforms are left out.
@@ -61,7 +67,7 @@ impl Arguments {
         let output = self.output.clone().unwrap_or_else(|| self.mesh.with_extension("vfield"));
         check_output(std::slice::from_ref(&self.mesh), &output)?;
         let meshes = read_meshes(&self.mesh)?;
-        let (settings, question) = (self.field.settings(), self.tune.question());
+        let (settings, question) = (self.field.settings(), self.tune.question(&self.field.settings()));
         // Draws on stderr, and only if that is a terminal.
         let bar = ProgressBar::new(settings.rays().saturating_mul(meshes.len() as u64));
         if let Ok(style) = ProgressStyle::with_template("{msg} {wide_bar} {percent} %  {eta}") {
@@ -101,7 +107,7 @@ impl Arguments {
     }
 }
 
-/// Bakes a mesh as the settings say.
+/// Bakes a mesh as the settings say: distances by themselves, so that their time can be told.
 fn bake_one(
     mesh: &Mesh,
     settings: BakeSettings,
@@ -109,19 +115,25 @@ fn bake_one(
     report: &mut String,
 ) -> Result<VisibilityField, TuneError> {
     bar.set_message(mesh.name.clone());
+    settings.validate().map_err(BakeError::from)?;
+    let traced = BakeSettings { distance: None, ..settings };
+    let first = if traced.validate().is_ok() { traced } else { settings };
     let start = Instant::now();
-    let (field, rays) = bake_counted(mesh, &settings, bar)?;
-    let (header, seconds) = (field.header(), start.elapsed().as_secs_f64());
-    _ = writeln!(
-        report,
-        "{}: {} triangles, {}{:.2} s, {:.2} M rays/s",
-        header.name,
-        HumanCount(header.triangles.into()),
-        field.table().map_or_else(String::new, table_size),
-        seconds,
-        rays as f64 / seconds * 1e-6,
-    );
+    let (mut field, rays) = bake_counted(mesh, &first, bar)?;
+    let mut seconds = start.elapsed().as_secs_f64();
+    let (header, table) = (field.header(), field.table().map_or_else(String::new, table_size));
+    _ = write!(report, "{}: {} triangles", header.name, HumanCount(header.triangles.into()));
+    if first == traced {
+        _ = write!(report, ", {table}{seconds:.2} s, {:.2} M rays/s", rays as f64 / seconds * 1e-6);
+    }
+    _ = writeln!(report);
+    if let Some(format) = settings.distance.filter(|_| first == traced) {
+        let start = Instant::now();
+        field = with_part(&field, mesh, &BakeSettings::of_distance(format), bar)?;
+        seconds = start.elapsed().as_secs_f64();
+    }
     report_cap_grid(&field, report);
+    report_distance(&field, Some(seconds), report);
     note_limits(&field, report);
     Ok(field)
 }
@@ -138,8 +150,8 @@ fn bake_counted(mesh: &Mesh, settings: &BakeSettings, bar: &ProgressBar) -> Resu
     Ok((field, traced))
 }
 
-/// Bakes a mesh with a table that is as cheap as will do, and the cap grid of the settings if they have one. The bar starts
-/// again for every table that is tried.
+/// Bakes a mesh with a table, distances, or both, that are as cheap as will do, and the cap grid of the settings if they have one. The
+/// bar starts again for everything that is tried.
 fn tune_one(
     mesh: &Mesh,
     question: &TuneQuestion,
@@ -148,53 +160,53 @@ fn tune_one(
     report: &mut String,
 ) -> Result<VisibilityField, TuneError> {
     bar.set_message(format!("{}: exact rays", mesh.name));
+    let restart = |settings: &BakeSettings| {
+        bar.set_message(format!("{}: {settings}", mesh.name));
+        bar.set_length(settings.rays());
+        bar.set_position(0);
+    };
     let start = Instant::now();
     let tuned = tune(mesh, question, |step| match step {
-        TuneStep::Table(settings) => {
-            bar.set_message(format!("{}: {settings}", mesh.name));
-            bar.set_length(settings.rays());
-            bar.set_position(0);
-        }
+        TuneStep::Field(settings) => restart(&settings),
         TuneStep::Rays(rays) => bar.inc(rays),
         _ => {}
     })?;
     let header = tuned.field.header();
-    let plural = if tuned.measured_tables == 1 { "" } else { "s" };
+    let plural = if tuned.measured_fields == 1 { "" } else { "s" };
     _ = writeln!(
         report,
-        "{}: {} triangles, table {} = {}, chosen in {:.2} s, {} table{plural} measured",
+        "{}: {} triangles, {} = {}, chosen in {:.2} s, {} field{plural} measured",
         header.name,
         HumanCount(header.triangles.into()),
         tuned.settings,
         DecimalBytes(tuned.field.bytes()),
         start.elapsed().as_secs_f64(),
-        tuned.measured_tables,
+        tuned.measured_fields,
     );
     for measured in &header.measured {
         _ = writeln!(report, "  {}", measured_line(measured));
     }
-    let field = match settings.cap_grid {
-        Some(format) => with_cap_grid(&tuned.field, mesh, format, bar)?,
-        None => tuned.field,
-    };
+    let mut field = tuned.field;
+    if let Some(settings) = settings.cap_grid.map(BakeSettings::of_cap_grid) {
+        restart(&settings);
+        field = with_part(&field, mesh, &settings, bar)?;
+    }
     report_cap_grid(&field, report);
+    report_distance(&field, None, report);
     note_limits(&field, report);
     Ok(field)
 }
 
-/// The same field with a cap grid beside its table.
-fn with_cap_grid(
+/// The same field with a cap grid or distances beside what it has.
+fn with_part(
     field: &VisibilityField,
     mesh: &Mesh,
-    format: CapGridFormat,
+    settings: &BakeSettings,
     bar: &ProgressBar,
 ) -> Result<VisibilityField, BakeError> {
-    let settings = BakeSettings::of_cap_grid(format);
-    bar.set_message(format!("{}: {settings}", mesh.name));
-    bar.set_length(settings.rays());
-    bar.set_position(0);
-    let (caps, _) = bake_counted(mesh, &settings, bar)?;
-    let parts = FieldParts { cap_grid: caps.cap_grid().cloned(), ..field.parts().clone() };
+    let (baked, _) = bake_counted(mesh, settings, bar)?;
+    let (old, new) = (field.parts().clone(), baked.parts().clone());
+    let parts = FieldParts { cap_grid: new.cap_grid.or(old.cap_grid), distance: new.distance.or(old.distance), ..old };
     Ok(VisibilityField::new(field.header().clone(), parts)?)
 }
 
@@ -209,6 +221,15 @@ fn report_cap_grid(field: &VisibilityField, report: &mut String) {
     let format = grid.header().format;
     let error = cap_grid_error(grid).map_or_else(String::new, |error| format!(", {error}"));
     _ = writeln!(report, "  cap grid {format} = {}{error}", DecimalBytes(format.bytes()));
+}
+
+/// A line about the distances, if there are any, and the seconds that they took, if these are known.
+fn report_distance(field: &VisibilityField, seconds: Option<f64>, report: &mut String) {
+    let Some(grid) = field.distance_field().and_then(DistanceField::grid) else { return };
+    let header = grid.header();
+    let seconds = seconds.map_or_else(String::new, |seconds| format!(", {seconds:.2} s"));
+    let (format, bytes, excess) = (header.format, DecimalBytes(header.bytes()), distance_excess(header));
+    _ = writeln!(report, "  distances {format} = {bytes}{seconds}, {excess}");
 }
 
 /// What the field cannot do in a game, if anything.
@@ -230,11 +251,16 @@ fn note_limits(field: &VisibilityField, report: &mut String) {
             );
         }
     }
-    let Some(table) = field.table() else { return };
+    let Some(table) = field.table() else {
+        if field.distance_field().is_some() {
+            _ = writeln!(report, "  note: without a table, distances answer all rays, several times slower");
+        }
+        return;
+    };
     if matches!(table.representation(), Representation::Hemisphere { .. }) {
         _ = writeln!(report, "  note: for comparisons; games render two-point fields only");
     }
-    if table.encoding() == Encoding::Bit {
+    if table.encoding() == Encoding::Bit && field.distance_field().is_none() {
         _ = writeln!(report, "  note: bits know no distances; the mesh looks black where it receives occlusion itself");
     }
 }

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use indicatif::{DecimalBytes, HumanCount};
+use visfield::distance::{DistanceField, DistanceGridHeader};
 use visfield::field::cap_grid::{CapGridError, Falloff, HarmonicOrder};
 use visfield::field::lookup::ChordGrid;
 use visfield::field::measured::{Measured, MeasuredScene, Purpose};
@@ -14,7 +15,7 @@ use visfield::{BoundingEllipsoid, CapGrid, ChordTable, Encoding, Representation,
 use super::CommandError;
 
 /// Show what a .vfield file holds: sizes, bounds in mesh units, how many chords of the table meet the mesh, what the cap grid
-/// stores, and what was measured when they were baked or tuned.
+/// and the distances store, and what was measured when they were baked or tuned.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Example:
@@ -57,6 +58,13 @@ fn report_field(report: &mut String, field: &VisibilityField) {
     }
     if let Some(grid) = field.cap_grid() {
         report_cap_grid(report, grid);
+    }
+    if let Some(distance) = field.distance_field() {
+        report_distance(report, distance);
+    }
+    if field.table().is_some() && field.distance_field().is_some() {
+        let answers = "composite: the table for those from outside the bounds, distances for those from inside";
+        _ = writeln!(report, "  rays             {answers}");
     }
     for (i, measured) in header.measured.iter().enumerate() {
         let label = if i == 0 { "measured" } else { "" };
@@ -113,6 +121,23 @@ fn report_cap_grid(report: &mut String, grid: &CapGrid) {
         let mark = if grid.serves_inside() { "serves receivers inside it" } else { "not for receivers inside it" };
         _ = writeln!(report, "  its errors       {error}: {mark}");
     }
+}
+
+fn report_distance(report: &mut String, distance: &DistanceField) {
+    let Some(grid) = distance.grid() else { return };
+    let header = grid.header();
+    let [x, y, z] = header.points;
+    let bits = 8 * header.format.precision.bytes();
+    let bytes = HumanCount(header.bytes());
+    _ = writeln!(report, "  distances        {x} \u{d7} {y} \u{d7} {z} points, {bits} bits each, {bytes} bytes");
+    _ = writeln!(report, "  voxel            {} mesh units", header.voxel);
+    _ = writeln!(report, "  range            {:.2} to {:.2} voxels", header.low, header.low + header.range);
+    _ = writeln!(report, "  excess           {}", distance_excess(header));
+}
+
+/// How far a grid's distances may be wrong at the surface, in words.
+pub(super) fn distance_excess(header: &DistanceGridHeader) -> String {
+    format!("at the surface at most {:.3} voxels too far", header.excess)
 }
 
 /// What a cap grid was found to get wrong, in words, if it was measured.

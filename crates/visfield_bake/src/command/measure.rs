@@ -1,5 +1,6 @@
 //! `visfield measure`: what a field costs and what it gets wrong, against exact rays.
 
+mod distance;
 mod gpu;
 
 use std::path::{Path, PathBuf};
@@ -22,12 +23,13 @@ use visfield_bake::measure::{
 };
 use visfield_bake::{BakeError, Mesh, read_meshes};
 
+use self::distance::Distances;
 use self::gpu::{OnGpu, PaperOnGpu};
 use super::settings::{FieldArguments, one_representation, points};
 use super::{CommandError, check_output};
 
-/// Measure what a field costs and what it gets wrong: the same rays through a table and through triangles (crate obvhs), or a cap
-/// grid against very many of them, in one run. Speeds are of one thread; let nothing else run meanwhile.
+/// Measure what a field costs and what it gets wrong: the same rays through a table or distances and through triangles (crate obvhs), or
+/// a cap grid against very many of them, in one run. Speeds are of one thread; let nothing else run meanwhile.
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     #[command(subcommand)]
@@ -38,6 +40,7 @@ pub(super) struct Arguments {
 enum What {
     Ao(Ambient),
     Shadow(Shadow),
+    Distance(Distances),
     Paper2008(Paper),
     Tradeoff(Tradeoffs),
     Many(Objects),
@@ -168,6 +171,7 @@ Examples:
   visfield measure ao --mesh bunny.obj --representation hemisphere --aim plain
   visfield measure ao --mesh bunny.obj --entries 65 --exits 64 --scene self
   visfield measure ao --mesh bunny.obj --representation cap-grid --points 16
+  visfield measure ao --mesh bunny.obj --representation two-point,distance --encoding bit --voxels 64
 
 Errors are of occlusion, from 0 to 1. The RMS is in steps of 1/255 and over all receivers; the other errors are over the
 receivers whose exact or estimated occlusion exceeds 1/255. All are against the same rays, but for `truth`, which is against
@@ -200,6 +204,7 @@ struct Ambient {
 Examples:
   visfield measure shadow --mesh bunny.obj
   visfield measure shadow --mesh bunny.obj --angular-radius 0.00465 --encoding bit --entries 65 --exits 91
+  visfield measure shadow --mesh bunny.obj --representation distance --voxels 128 --scene self
 
 Errors are of the occlusion of the light, from 0 to 1. The RMS is in steps of 1/255 and over receivers that are partly lit;
 the other errors are over those that are not fully lit."
@@ -270,7 +275,7 @@ struct SphereTracingPaper {
     output: Output,
 }
 
-/// Many fields of one mesh: representations, sizes, encodings and bounds, cap grids too, and which of them nothing beats in error,
+/// Many fields of one mesh: representations, sizes, encodings and bounds, cap grids and distances too, and which of them nothing beats in error,
 /// size and time. Takes some minutes; `--quick` tries a few small ones.
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -279,7 +284,7 @@ Example:
 struct Tradeoffs {
     #[command(flatten)]
     mesh: MeshArguments,
-    /// A few small tables and a small cap grid only
+    /// A few small tables, a small cap grid and small distances only
     #[arg(long)]
     quick: bool,
     #[command(flatten)]
@@ -315,6 +320,7 @@ impl Arguments {
         match &self.what {
             What::Ao(arguments) => arguments.run(),
             What::Shadow(arguments) => arguments.run(),
+            What::Distance(arguments) => arguments.run(),
             What::Paper2008(arguments) => arguments.run(),
             What::Tradeoff(arguments) => arguments.run(),
             What::Many(arguments) => arguments.run(),
@@ -327,10 +333,11 @@ impl Arguments {
 
 impl Ambient {
     fn run(&self) -> Result<String, CommandError> {
+        let bake = self.field.measured_settings()?;
         self.output.check(std::slice::from_ref(&self.mesh.mesh))?;
         let mesh = self.mesh.read()?;
         let question = AmbientQuestion {
-            bake: self.field.settings(),
+            bake,
             scene: self.scene.into(),
             rays: self.rays,
             options: self.query.options(),
@@ -350,10 +357,11 @@ impl Ambient {
 
 impl Shadow {
     fn run(&self) -> Result<String, CommandError> {
+        let bake = self.field.measured_settings()?;
         self.output.check(std::slice::from_ref(&self.mesh.mesh))?;
         let mesh = self.mesh.read()?;
         let question = ShadowQuestion {
-            bake: self.field.settings(),
+            bake,
             scene: self.scene.into(),
             angular_radius: self.angular_radius,
             rays: self.rays,
@@ -502,7 +510,7 @@ fn shadow_table(m: &ShadowMeasurement) -> String {
     let mut lines = vec![
         ("mesh", format!("{}, {} triangles", m.mesh, HumanCount(m.triangles.into()))),
         ("field", field_line(&m.representation, &m.size, &m.encoding, &m.bounds)),
-        ("table", DecimalBytes(m.field_bytes).to_string()),
+        ("in memory", DecimalBytes(m.field_bytes).to_string()),
         ("bake", format!("{:.2} s, {}", m.bake_seconds, mega(m.bake_rays_per_second))),
         ("light", format!("angular radius {} rad", m.angular_radius)),
         ("scene", format!("{}, {receivers} receivers, {partly_lit} partly lit, lookups: {}", m.scene, m.aim)),

@@ -74,6 +74,10 @@ pub(crate) enum CommandError {
          64, or name fewer files"
     )]
     TooManyMeshes { meshes: usize, instances: usize },
+    #[error(
+        "rays and cap grids are measured one at a time: leave cap-grid out of --representation, or name nothing else"
+    )]
+    TwoWays,
     #[error("{path}: the folder does not exist; create it, or choose another output")]
     NoOutputFolder { path: PathBuf },
     #[error("{0}; choose another output with -o")]
@@ -89,7 +93,7 @@ pub(crate) enum CommandError {
 impl CommandError {
     /// 2 for errors of usage, as clap has it, 1 for others.
     pub(crate) fn exit_code(&self) -> u8 {
-        if matches!(self, Self::TooManyMeshes { .. }) { 2 } else { 1 }
+        if matches!(self, Self::TooManyMeshes { .. } | Self::TwoWays) { 2 } else { 1 }
     }
 }
 

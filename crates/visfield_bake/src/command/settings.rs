@@ -2,12 +2,15 @@
 
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;
-use clap::{Arg, ArgAction, ArgMatches, Args, Command, FromArgMatches, Id, ValueEnum};
+use clap::{Arg, ArgMatches, Args, Command, FromArgMatches, Id, ValueEnum};
+use visfield::distance::{DistanceGridFormat, DistancePrecision, MAX_VOXELS, MIN_VOXELS};
 use visfield::field::MAX_SIDE;
 use visfield::field::cap_grid::{CapPrecision, Falloff, HarmonicOrder, MAX_POINTS, MIN_POINTS};
 use visfield::field::directions::DirectionMap;
 use visfield::{CapGridFormat, Encoding, Representation, TableFormat};
 use visfield_bake::{BakeSettings, BoundsKind};
+
+use super::CommandError;
 
 /// What a field stores. Checked on parsing: options of a part that is not asked for are usage errors, not ignored.
 #[derive(Debug)]
@@ -16,13 +19,21 @@ pub(super) struct FieldArguments(FieldOptions);
 #[derive(Debug, Args)]
 #[command(next_help_heading = "What the field stores")]
 struct FieldOptions {
-    /// What the field holds, as a list: one table at most, and a cap grid or none
-    #[arg(long, value_name = "PARTS", value_enum, value_delimiter = ',', default_value = "two-point,cap-grid")]
+    /// What the field holds, as a list: one table at most, a cap grid or none, distances or none
+    #[arg(
+        long,
+        value_name = "PARTS",
+        value_enum,
+        value_delimiter = ',',
+        default_value = "two-point,cap-grid,distance"
+    )]
     representation: Vec<RepresentationName>,
     #[command(flatten)]
     table: TableArguments,
     #[command(flatten)]
     cap_grid: CapGridArguments,
+    #[command(flatten)]
+    distance: DistanceArguments,
     /// What surrounds the mesh: an ellipsoid fits long and flat meshes better
     #[arg(long, value_enum, default_value_t)]
     bounds: BoundsName,
@@ -67,6 +78,41 @@ struct CapGridArguments {
     precision: PrecisionName,
 }
 
+#[derive(Debug, Args)]
+pub(super) struct DistanceArguments {
+    /// Distances: points along the longest axis of the mesh's box, 8 to 256. With 64, it is 0.26 MB at most; twice as many are 8
+    /// times as large, and half as far apart
+    #[arg(long, value_name = "COUNT", default_value_t = DistanceGridFormat::DEFAULT.voxels, value_parser = voxels())]
+    voxels: u32,
+    /// Distances: bits of each; 16 tell distances far from the surface too, and twice the bytes
+    #[arg(long, value_name = "BITS", value_enum, default_value_t)]
+    distance_bits: DistanceBitsName,
+}
+
+#[derive(Clone, Copy, Debug, Default, ValueEnum)]
+enum DistanceBitsName {
+    #[default]
+    #[value(name = "8")]
+    Eight,
+    #[value(name = "16")]
+    Sixteen,
+}
+
+impl DistanceArguments {
+    pub(super) fn format(&self) -> DistanceGridFormat {
+        let precision = match self.distance_bits {
+            DistanceBitsName::Eight => DistancePrecision::U8,
+            DistanceBitsName::Sixteen => DistancePrecision::U16,
+        };
+        DistanceGridFormat { voxels: self.voxels, precision }
+    }
+}
+
+/// Points of a distance grid along its longest axis.
+fn voxels() -> clap::builder::RangedI64ValueParser<u32> {
+    clap::value_parser!(u32).range(i64::from(MIN_VOXELS)..=i64::from(MAX_VOXELS))
+}
+
 /// The side of a table's grid.
 pub(super) fn side() -> clap::builder::RangedI64ValueParser<u32> {
     clap::value_parser!(u32).range(1..=i64::from(MAX_SIDE))
@@ -99,6 +145,8 @@ enum RepresentationName {
     Hemisphere,
     /// A small grid that answers ambient occlusion without rays
     CapGrid,
+    /// A grid of distances for rays; beside a table, for those that start inside the bounds: on the mesh itself
+    Distance,
 }
 
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
@@ -144,15 +192,16 @@ enum PrecisionName {
     Rgba16f,
 }
 
-/// Changes `--representation` for what measures one part at a time.
+/// Changes `--representation` for what measures one way to answer at a time.
 pub(super) fn one_representation(arg: Arg) -> Arg {
-    let one = arg.value_name("PART").value_delimiter(None).action(ArgAction::Set);
-    one.default_value("two-point").help("What is measured, with its defaults if no more is said")
+    arg.default_value("two-point").help(
+        "What is measured, with its defaults if no more is said: a table, distances, both as a list, or cap-grid alone",
+    )
 }
 
 impl FieldArguments {
     pub(super) fn settings(&self) -> BakeSettings {
-        let FieldOptions { representation, table, cap_grid, bounds } = &self.0;
+        let FieldOptions { representation, table, cap_grid, distance, bounds } = &self.0;
         let bounds = match bounds {
             BoundsName::Sphere => BoundsKind::Sphere,
             BoundsName::Ellipsoid => BoundsKind::Ellipsoid,
@@ -161,8 +210,15 @@ impl FieldArguments {
             bounds,
             table: representation.iter().find_map(|&name| table.format(name)),
             cap_grid: representation.contains(&RepresentationName::CapGrid).then(|| cap_grid.format()),
-            distance: None,
+            distance: representation.contains(&RepresentationName::Distance).then(|| distance.format()),
         }
+    }
+
+    /// The same for what measures one way to answer at a time.
+    pub(super) fn measured_settings(&self) -> Result<BakeSettings, CommandError> {
+        let settings = self.settings();
+        let rays = settings.table.is_some() || settings.distance.is_some();
+        if rays && settings.cap_grid.is_some() { Err(CommandError::TwoWays) } else { Ok(settings) }
     }
 }
 
@@ -181,7 +237,7 @@ impl TableArguments {
                     MapName::Rejection => DirectionMap::Rejection,
                 },
             },
-            RepresentationName::CapGrid => return None,
+            RepresentationName::CapGrid | RepresentationName::Distance => return None,
         };
         let encoding = match self.encoding {
             EncodingName::Bit => Encoding::Bit,
@@ -246,9 +302,13 @@ fn check(matches: &ArgMatches) -> Result<(), clap::Error> {
     if let Some(option) = given("CapGridArguments").filter(|_| !names.contains(&RepresentationName::CapGrid)) {
         return conflict(format!("{option} is for cap grids: add cap-grid to --representation, or leave it out"));
     }
-    if let Some(option) = given("limits").filter(|_| !two_point) {
+    if let Some(option) = given("DistanceArguments").filter(|_| !names.contains(&RepresentationName::Distance)) {
+        return conflict(format!("{option} is for distances: add distance to --representation, or leave it out"));
+    }
+    let can_be_chosen = (two_point || names.contains(&RepresentationName::Distance)) && !hemisphere;
+    if let Some(option) = given("limits").filter(|_| !can_be_chosen) {
         return conflict(format!(
-            "{option} chooses a two-point table: add two-point to --representation, or leave it out"
+            "{option} chooses among two-point tables and distances: name one of them or both for --representation, or leave it out"
         ));
     }
     Ok(())

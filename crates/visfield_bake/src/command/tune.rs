@@ -2,12 +2,13 @@
 
 use bytesize::ByteSize;
 use clap::{ArgGroup, Args, ValueEnum};
+use visfield_bake::BakeSettings;
 use visfield_bake::tune::{TuneQuestion, TuneReceivers, WORST_RMS};
 
 #[derive(Debug, Args)]
 #[command(
-    next_help_heading = "Tuning: the cheapest table that is good enough",
-    group = ArgGroup::new("limits").args(["max_rms", "max_bytes"]).multiple(true).conflicts_with_all(["TableArguments", "bounds"])
+    next_help_heading = "Tuning: the cheapest table or distances, or both, that are good enough",
+    group = ArgGroup::new("limits").args(["max_rms", "max_bytes"]).multiple(true).conflicts_with_all(["TableArguments", "DistanceArguments", "bounds"])
 )]
 pub(super) struct TuneArguments {
     /// Largest error of occlusion, as measured with this mesh: RMS in steps of 1/255, 0 to 255. Holds for the worst of what is
@@ -15,7 +16,7 @@ pub(super) struct TuneArguments {
     /// penumbra alone: 20 to 50 around the mesh, about 100 on it
     #[arg(long, value_name = "RMS", value_parser = rms, allow_negative_numbers = true)]
     max_rms: Option<f32>,
-    /// Largest table in memory: a number of bytes, or with a unit, as 500kB, 1.2MB or 4MiB
+    /// Largest table and distances in memory together: a number of bytes, or with a unit, as 500kB, 1.2MB or 4MiB
     #[arg(long, value_name = "BYTES", allow_hyphen_values = true)]
     max_bytes: Option<ByteSize>,
     /// What the field is for: ao, shadows, or both as ao,shadows. What is left out costs nothing
@@ -29,7 +30,7 @@ pub(super) struct TuneArguments {
     )]
     purposes: Vec<PurposeName>,
     /// Where occlusion and shadows of this mesh fall. What does not fall on the mesh itself needs far smaller tables, of bits;
-    /// but bits know no distances, and such a mesh looks black where it receives occlusion in a game itself
+    /// but bits alone know no distances, and such a mesh looks black where it receives occlusion in a game itself
     #[arg(long, value_enum, default_value_t, requires = "limits")]
     receivers: ReceiversName,
     /// Reach of ambient occlusion in the game, in the mesh's units [default: unlimited]
@@ -73,8 +74,8 @@ fn distance(text: &str) -> Result<f32, String> {
 }
 
 impl TuneArguments {
-    /// What is asked for, or `None` without a limit.
-    pub(super) fn question(&self) -> Option<TuneQuestion> {
+    /// What is asked for, of those parts that the settings have; `None` without a limit.
+    pub(super) fn question(&self, settings: &BakeSettings) -> Option<TuneQuestion> {
         (self.max_rms.is_some() || self.max_bytes.is_some()).then(|| TuneQuestion {
             max_rms: self.max_rms,
             max_bytes: self.max_bytes.map(|bytes| bytes.as_u64()),
@@ -86,6 +87,8 @@ impl TuneArguments {
                 ReceiversName::Far => TuneReceivers::Far,
             },
             max_distance: self.max_distance.unwrap_or(f32::INFINITY),
+            tables: settings.table.is_some(),
+            distances: settings.distance.is_some(),
         })
     }
 }

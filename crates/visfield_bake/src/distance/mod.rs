@@ -3,22 +3,25 @@
 //! 1. [`closest`] finds how far each grid point is from the nearest triangle,
 //! 2. [`winding`] tells inside from outside,
 //! 3. [`signs`] asks it for as few points as it can,
-//! 4. [`fit`] lowers values until their interpolation misses no surface.
+//! 4. [`fit`] lowers values until their interpolation misses no surface,
+//! 5. [`excess`] says what of that is true once they are rounded and stored.
 //!
 //! All of them work in voxels: the grid's points have whole coordinates, and neither the mesh's units nor its place matter.
 
-mod closest;
+pub(crate) mod closest;
+mod excess;
 mod fit;
 mod signs;
 #[cfg(test)]
 mod tests;
-mod winding;
+pub(crate) mod winding;
 
 use glam::{DVec3, Vec3};
 use visfield::FieldError;
 use visfield::distance::{DistanceGrid, DistanceGridFormat, DistanceGridHeader, GRID_THRESHOLD};
 
 use self::closest::Surface;
+use self::excess::largest_at_surface;
 use self::fit::{FitBounds, fit_to_surface};
 use self::signs::apply_signs;
 use self::winding::WindingNumbers;
@@ -35,13 +38,20 @@ pub(crate) struct GridPoints {
 }
 
 impl GridPoints {
+    /// The points of a distance grid.
+    pub(crate) fn of(header: &DistanceGridHeader) -> Self {
+        let low = DVec3::from(header.first.map(f64::from));
+        Self { low, voxel: f64::from(header.voxel), points: header.points }
+    }
+
     /// Number of points.
+    #[cfg(test)]
     pub(crate) fn count(&self) -> usize {
         self.points.iter().map(|&n| n as usize).product()
     }
 
     /// Triangles in voxels from the lowest point: rounded only now that they are small and near.
-    fn in_voxels(&self, triangles: &[[DVec3; 3]]) -> Vec<[Vec3; 3]> {
+    pub(crate) fn in_voxels(&self, triangles: &[[DVec3; 3]]) -> Vec<[Vec3; 3]> {
         triangles.iter().map(|t| t.map(|p| ((p - self.low) / self.voxel).as_vec3())).collect()
     }
 }
@@ -57,19 +67,22 @@ pub(crate) fn bake_distance_grid(
     progress: impl Fn(u64) + Sync,
 ) -> Result<DistanceGrid, FieldError> {
     format.validate()?;
+    let header = header_around(triangles, format);
+    header.validate()?;
+    let grid = GridPoints::of(&header);
+    let mut distances = signed_distances(triangles, &grid, progress);
+    fit_to_surface(&mut distances, &grid, triangles, BOUNDS);
+    let stored = DistanceGrid::from_distances(header, &distances)?;
+    let excess = largest_at_surface(&stored, &grid.in_voxels(triangles));
+    DistanceGrid::new(DistanceGridHeader { excess, ..*stored.header() }, &stored.bytes())
+}
+
+/// A grid around triangles, with no distances yet.
+pub(crate) fn header_around(triangles: &[[DVec3; 3]], format: DistanceGridFormat) -> DistanceGridHeader {
     let corners = triangles.as_flattened();
     let low = corners.iter().fold(DVec3::INFINITY, |low, p| low.min(*p)).as_vec3().to_array();
     let high = corners.iter().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p)).as_vec3().to_array();
-    let header = DistanceGridHeader { excess: BOUNDS.solid, ..DistanceGridHeader::around(low, high, format) };
-    header.validate()?;
-    let grid = GridPoints {
-        low: DVec3::from(header.first.map(f64::from)),
-        voxel: f64::from(header.voxel),
-        points: header.points,
-    };
-    let mut distances = signed_distances(triangles, &grid, progress);
-    fit_to_surface(&mut distances, &grid, triangles, BOUNDS);
-    DistanceGrid::from_distances(header, &distances)
+    DistanceGridHeader::around(low, high, format)
 }
 
 /// Signed distances from a grid's points to the nearest triangle, in voxels, x fastest: negative inside, where a surface

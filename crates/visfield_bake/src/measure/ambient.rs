@@ -1,4 +1,4 @@
-//! Ambient occlusion by a field against exact rays: by a table against the same rays, by a cap grid against very many.
+//! Ambient occlusion by a field against exact rays: by a table or distances against the same rays, by a cap grid against very many.
 
 use std::hint::black_box;
 use std::ops::Range;
@@ -8,16 +8,17 @@ use std::time::Instant;
 use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use visfield::distance::{DistanceField, DistanceGrid};
 use visfield::estimate::Receiver;
 use visfield::estimate::caps::CapAmbient;
 use visfield::field::cap_grid::Falloff;
-use visfield::field::lookup::Aim;
-use visfield::{BoundingEllipsoid, CapGrid, ChordTable, QueryOptions, VisibilityField};
+use visfield::{CapGrid, QueryOptions, VisibilityField};
 
 use super::caps::{AskedCaps, CapSpeed, OneObject, TABLE_RAYS};
+use super::names::Names;
 use super::scene::{MeasureScene, hemisphere_directions};
 use super::speed::{RaySet, gather_limit, race};
-use crate::bake::{BakeError, BakeSettings, bake, table_of};
+use crate::bake::{BakeError, BakeSettings, bake, check_rays};
 use crate::exact::ExactScene;
 use crate::mesh::Mesh;
 use crate::triangles::TriangleBvh;
@@ -33,11 +34,11 @@ pub const TRUTH_RAYS: u32 = 4096;
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct AmbientQuestion {
-    /// How the mesh is baked. One part is measured: the table if there is one, otherwise the cap grid.
+    /// How the mesh is baked. What is measured is what answers rays, if anything does; otherwise the cap grid.
     pub bake: BakeSettings,
     /// Where the receivers are.
     pub scene: MeasureScene,
-    /// Rays per receiver: what a table is asked, and what a cap grid is raced against.
+    /// Rays per receiver: what a table or distances are asked, and what a cap grid is raced against.
     pub rays: u32,
     /// How a table is asked; its normal is the receiver's.
     pub options: QueryOptions,
@@ -69,21 +70,21 @@ pub struct AmbientMeasurement {
     pub triangles: u32,
     /// Where the receivers are.
     pub scene: MeasureScene,
-    /// `two-point`, `hemisphere` or `cap-grid`.
+    /// `two-point`, `hemisphere`, `distance`, `cap-grid`, or as `two-point + distance` what answers rays together.
     pub representation: String,
-    /// The numbers of the representation, as 65² × 32² or 16³.
+    /// The numbers of the representation, as 65² × 32², 64 voxels or 16³.
     pub size: String,
-    /// How it is encoded: a table as `bit`, `u8`, `u16` or `f32`, a cap grid as `rgba8` or `rgba16f`.
+    /// How it is encoded: a table as `bit`, `u8`, `u16` or `f32`, distances as `u8` or `u16`, a cap grid as `rgba8` or `rgba16f`.
     pub encoding: String,
-    /// `sphere` or `ellipsoid`; `box` for a cap grid.
+    /// `sphere` or `ellipsoid`; `box` for distances alone and for a cap grid.
     pub bounds: String,
-    /// `point` or `plain`; `none` for a cap grid.
+    /// `point` or `plain`; `traced` for distances alone, `none` for a cap grid.
     pub aim: String,
     /// Size in memory of what was measured.
     pub field_bytes: u64,
     /// Seconds for the whole bake, on all threads.
     pub bake_seconds: f64,
-    /// Rays per second of the bake.
+    /// Rays per second of the bake; of distances, points.
     pub bake_rays_per_second: f64,
     /// Number of receivers.
     pub receivers: usize,
@@ -130,7 +131,7 @@ pub struct AmbientSpeed {
     /// The ratio over the rays that meet the field's bounds. A cap grid does not tell them apart: it answers all receivers, in the
     /// time of which the triangles answer these rays alone.
     pub speedup_meeting_bounds: f64,
-    /// Random bytes of the table, or of the cap grid, per second.
+    /// Random bytes per second of what was measured.
     pub gather_limit_lookups_per_second: f64,
     /// Rays that meet the bounds, per second, through the field; of a cap grid, receivers per second.
     pub lookups_per_second: f64,
@@ -143,13 +144,7 @@ pub struct AmbientSpeed {
 
 impl AmbientSpeed {
     /// Times all rays, and those that meet the bounds.
-    pub(super) fn race(
-        set: &RaySet,
-        meeting: &RaySet,
-        field: &VisibilityField,
-        table: &ChordTable,
-        triangles: &TriangleBvh,
-    ) -> Self {
+    pub(super) fn race(set: &RaySet, meeting: &RaySet, field: &VisibilityField, triangles: &TriangleBvh) -> Self {
         let (field_seconds, bvh_seconds) = set.race(field, triangles);
         let (field_meeting, bvh_meeting) = meeting.race(field, triangles);
         Self {
@@ -157,7 +152,7 @@ impl AmbientSpeed {
             bvh_seconds,
             speedup: bvh_seconds / field_seconds,
             speedup_meeting_bounds: bvh_meeting / field_meeting,
-            gather_limit_lookups_per_second: gather_limit(table.bytes()),
+            gather_limit_lookups_per_second: gather_limit(&bytes_for_rays(field)),
             lookups_per_second: meeting.field.len() as f64 / field_meeting,
             bvh_rays_per_second: meeting.field.len() as f64 / bvh_meeting,
             caps: None,
@@ -198,6 +193,13 @@ impl AmbientSpeed {
     }
 }
 
+/// Everything that rays may read.
+fn bytes_for_rays(field: &VisibilityField) -> Vec<u8> {
+    let mut bytes = field.table().map_or_else(Vec::new, |table| table.bytes().to_vec());
+    bytes.extend(field.distance_field().and_then(DistanceField::grid).map(DistanceGrid::bytes).unwrap_or_default());
+    bytes
+}
+
 /// Bakes a mesh and measures ambient occlusion with it.
 ///
 /// # Errors
@@ -218,22 +220,22 @@ pub fn measure_ambient(mesh: &Mesh, question: &AmbientQuestion) -> Result<Ambien
 
 /// The part of a field that is measured.
 enum Part<'a> {
-    Table(&'a ChordTable),
+    Rays,
     CapGrid(&'a CapGrid),
 }
 
 impl<'a> Part<'a> {
     fn of(field: &'a VisibilityField) -> Result<Self, BakeError> {
         match field.cap_grid() {
-            Some(grid) if field.table().is_none() => Ok(Self::CapGrid(grid)),
-            _ => table_of(field).map(Self::Table),
+            Some(grid) if !field.answers_rays() => Ok(Self::CapGrid(grid)),
+            _ => check_rays(field).map(|()| Self::Rays),
         }
     }
 
     /// What exact rays have to be weighted with.
     fn falloff(&self) -> Falloff {
         match self {
-            Self::Table(_) => Falloff::None,
+            Self::Rays => Falloff::None,
             Self::CapGrid(grid) => grid.header().format.falloff,
         }
     }
@@ -265,12 +267,12 @@ pub fn measure_ambient_of(
     let [exact, truth] =
         [question.rays, TRUTH_RAYS].map(|rays| exact_occlusion(&exact_scene, &receivers, rays, part.falloff()));
     let found = match part {
-        Part::Table(_) => shares(&set.field_answers(field), &set.receivers),
+        Part::Rays => shares(&set.field_answers(field), &set.receivers),
         Part::CapGrid(_) => caps.found(&receivers),
     };
     let speed = match part {
         _ if !question.speed => None,
-        Part::Table(table) => Some(AmbientSpeed::race(&set, &meeting, field, table, triangles)),
+        Part::Rays => Some(AmbientSpeed::race(&set, &meeting, field, triangles)),
         Part::CapGrid(grid) => {
             let table = bake(mesh, &BakeSettings::two_point(65, 32), |_| ())?;
             let few = rays_of(&table, TABLE_RAYS, QueryOptions::default());
@@ -284,9 +286,7 @@ pub fn measure_ambient_of(
     let against_truth = Errors::of(&found, &truth);
     let mean_abs_truth = against_truth.mean_abs;
     let (names, errors) = match part {
-        Part::Table(table) => {
-            (Names::of_table(table, &header.bounds, question.options.aim), Errors::of(&found, &exact))
-        }
+        Part::Rays => (Names::of_rays(field, question.options.aim), Errors::of(&found, &exact)),
         Part::CapGrid(grid) => (Names::of_cap_grid(grid), against_truth),
     };
     // There is nothing that a cap grid and few rays would have in common.
@@ -318,45 +318,6 @@ pub fn measure_ambient_of(
         exact,
         found,
     })
-}
-
-/// The names of what is measured, and its size.
-pub(super) struct Names {
-    pub(super) representation: String,
-    pub(super) size: String,
-    pub(super) encoding: String,
-    pub(super) bounds: String,
-    pub(super) aim: String,
-    pub(super) bytes: u64,
-}
-
-impl Names {
-    pub(super) fn of_table(table: &ChordTable, bounds: &BoundingEllipsoid, aim: Aim) -> Self {
-        Self {
-            representation: table.representation().name().to_owned(),
-            size: table.representation().to_string(),
-            encoding: table.encoding().name().to_owned(),
-            bounds: if bounds.sphere_radius().is_some() { "sphere" } else { "ellipsoid" }.to_owned(),
-            aim: match aim {
-                Aim::Plain => "plain",
-                Aim::Point => "point",
-            }
-            .to_owned(),
-            bytes: table.format().bytes(),
-        }
-    }
-
-    pub(super) fn of_cap_grid(grid: &CapGrid) -> Self {
-        let format = grid.header().format;
-        Self {
-            representation: "cap-grid".to_owned(),
-            size: format!("{}\u{b3}", format.points),
-            encoding: format.precision.name().to_owned(),
-            bounds: "box".to_owned(),
-            aim: "none".to_owned(),
-            bytes: format.bytes(),
-        }
-    }
 }
 
 /// Occlusion of every receiver by exact rays, each hit weighted by its distance.

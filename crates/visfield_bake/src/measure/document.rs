@@ -10,6 +10,7 @@ use thiserror::Error;
 use visfield::file::FileError;
 
 use super::ambient::AmbientMeasurement;
+use super::distance::DistanceMeasurement;
 use super::gpu::GpuMeasurement;
 use super::many::Many;
 use super::paper2008::Paper2008;
@@ -54,6 +55,8 @@ pub enum MeasurementDocument {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         pictures: Option<Box<Pictures>>,
     },
+    /// Distances themselves.
+    Distance(Box<DistanceMeasurement>),
     /// The figures of the 2008 paper.
     Paper2008(Box<Paper2008>),
     /// Errors, sizes and speeds of many fields.
@@ -69,7 +72,8 @@ pub enum MeasurementDocument {
 }
 
 /// The names of [`MeasurementDocument`]'s variants, as `kind` has them.
-const KINDS: [&str; 8] = ["ambient", "shadow", "paper2008", "tradeoff", "many", "gpu", "paper2010", "paper2014"];
+const KINDS: [&str; 9] =
+    ["ambient", "shadow", "distance", "paper2008", "tradeoff", "many", "gpu", "paper2010", "paper2014"];
 
 #[derive(Serialize)]
 struct Versioned<'a> {

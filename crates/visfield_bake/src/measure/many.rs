@@ -142,6 +142,7 @@ pub fn measure_many(
     let different = &meshes[..meshes.len().min(instances)];
     let settings = BakeSettings {
         cap_grid: Some(CapGridFormat { falloff: Falloff::None, ..question.cap_grid }),
+        distance: None,
         ..BakeSettings::default()
     };
     let exact_rays = receivers.len() as u64 * u64::from(TRUTH_RAYS);

@@ -2,17 +2,22 @@
 //!
 //! [`scene`] says where occlusion is measured, [`ambient`] measures it, [`caps`] has what is different without
 //! rays, [`shadow`] measures soft shadows.
-//! With the feature `command`, [`many`] combines several objects, [`tradeoff`] compares many fields, [`paper2008`] repeats a paper's experiments, [`gpu`] measures
-//! on a GPU, [`paper2010`] repeats those of another paper there, [`paper2014`] those on sphere tracing, [`picture`] draws what was measured, and [`document`] keeps it in files.
+//! With the feature `command`, [`distance`] compares distances themselves with exact ones, [`many`] combines several objects,
+//! [`tradeoff`] compares many fields, [`paper2008`] repeats a paper's experiments, [`gpu`] measures on a GPU, [`paper2010`] repeats
+//! those of another paper there, [`paper2014`] those on sphere tracing, [`picture`] draws what was measured, and [`document`] keeps it
+//! in files.
 
 pub mod ambient;
 pub mod caps;
+#[cfg(feature = "command")]
+pub mod distance;
 #[cfg(feature = "command")]
 pub mod document;
 #[cfg(feature = "command")]
 pub mod gpu;
 #[cfg(feature = "command")]
 pub mod many;
+mod names;
 #[cfg(feature = "command")]
 pub mod paper2008;
 #[cfg(feature = "command")]

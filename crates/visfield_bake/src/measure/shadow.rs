@@ -1,6 +1,7 @@
 //! The soft shadow of a directional light by a field against the same rays through triangles.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use glam::Vec3;
@@ -10,10 +11,11 @@ use visfield::estimate::Receiver;
 use visfield::estimate::sampling::{DiscBasis, disc_samples};
 use visfield::{QueryOptions, VisibilityField};
 
-use super::ambient::{AmbientSpeed, Names, TRUTH_RAYS, shares};
+use super::ambient::{AmbientSpeed, TRUTH_RAYS, shares};
+use super::names::Names;
 use super::scene::{MeasureScene, pattern_turn};
 use super::speed::RaySet;
-use crate::bake::{BakeError, BakeSettings, bake, table_of};
+use crate::bake::{BakeError, BakeSettings, bake, check_rays};
 use crate::exact::ExactScene;
 use crate::mesh::Mesh;
 
@@ -82,23 +84,23 @@ pub struct ShadowMeasurement {
     pub triangles: u32,
     /// Where the receivers are.
     pub scene: MeasureScene,
-    /// `two-point` or `hemisphere`.
+    /// `two-point`, `hemisphere`, `distance`, or as `two-point + distance` what answers rays together.
     pub representation: String,
-    /// The numbers of the representation, as 65² × 32².
+    /// The numbers of the representation, as 65² × 32² or 64 voxels.
     pub size: String,
-    /// How the table is encoded: `bit`, `u8`, `u16` or `f32`.
+    /// How it is encoded: a table as `bit`, `u8`, `u16` or `f32`, distances as `u8` or `u16`.
     pub encoding: String,
-    /// `sphere` or `ellipsoid`.
+    /// `sphere` or `ellipsoid`; `box` for distances alone.
     pub bounds: String,
-    /// `point` or `plain`.
+    /// `point` or `plain`; `traced` for distances alone.
     pub aim: String,
     /// Half of the angle that the light covers in the sky, in radians.
     pub angular_radius: f32,
-    /// Size of the table in memory.
+    /// Size in memory of what was measured.
     pub field_bytes: u64,
     /// Seconds for the whole bake, on all threads.
     pub bake_seconds: f64,
-    /// Rays per second of the bake.
+    /// Rays per second of the bake; of distances, points.
     pub bake_rays_per_second: f64,
     /// Number of receivers.
     pub receivers: usize,
@@ -138,30 +140,33 @@ pub struct ShadowMeasurement {
 /// Bakes a mesh and measures a soft shadow with it.
 ///
 /// # Errors
-/// [`BakeError`] if the mesh or the settings cannot be baked, or if they have no table.
+/// [`BakeError`] if the mesh or the settings cannot be baked, or if they have nothing that answers rays.
 pub fn measure_shadow(mesh: &Mesh, question: &ShadowQuestion) -> Result<ShadowMeasurement, BakeError> {
-    if question.bake.table.is_none() {
-        return Err(BakeError::NoTable { name: mesh.name.clone() });
+    if question.bake.table.is_none() && question.bake.distance.is_none() {
+        return Err(BakeError::NoRays { name: mesh.name.clone() });
     }
     let start = Instant::now();
-    let field = bake(mesh, &question.bake, |_| ())?;
+    let rays = AtomicU64::new(0);
+    let field = bake(mesh, &question.bake, |traced| {
+        rays.fetch_add(traced, Ordering::Relaxed);
+    })?;
     let bake_seconds = start.elapsed().as_secs_f64();
     let mut measurement = measure_shadow_of(mesh, &field, question)?;
     measurement.bake_seconds = bake_seconds;
-    measurement.bake_rays_per_second = question.bake.rays() as f64 / bake_seconds;
+    measurement.bake_rays_per_second = rays.into_inner() as f64 / bake_seconds;
     Ok(measurement)
 }
 
 /// The same with a field that is baked already.
 ///
 /// # Errors
-/// [`BakeError`] if the mesh cannot be baked, or if the field has no table.
+/// [`BakeError`] if the mesh cannot be baked, or if the field answers no rays.
 pub fn measure_shadow_of(
     mesh: &Mesh,
     field: &VisibilityField,
     question: &ShadowQuestion,
 ) -> Result<ShadowMeasurement, BakeError> {
-    let table = table_of(field)?;
+    check_rays(field)?;
     let mesh_error = |source| BakeError::Mesh { name: mesh.name.clone(), source };
     let receivers = question.scene.receivers_by(mesh, SHADOW_SIDE).map_err(mesh_error)?;
     let exact_scene = ExactScene::of_mesh(mesh).map_err(mesh_error)?;
@@ -181,7 +186,7 @@ pub fn measure_shadow_of(
         .collect();
 
     let header = field.header();
-    let names = Names::of_table(table, &header.bounds, question.options.aim);
+    let names = Names::of_rays(field, question.options.aim);
     let against_same = ShadowErrors::of(&found, &exact);
     let exact_against_truth = ShadowErrors::of(&exact, &truth);
     Ok(ShadowMeasurement {
@@ -202,7 +207,7 @@ pub fn measure_shadow_of(
         rays: set.field.len() as u64,
         rays_meeting_bounds: meeting.field.len() as u64,
         occluded_fraction: exact.iter().map(|&x| f64::from(x)).sum::<f64>() / exact.len().max(1) as f64,
-        speed: question.speed.then(|| AmbientSpeed::race(&set, &meeting, field, table, triangles)),
+        speed: question.speed.then(|| AmbientSpeed::race(&set, &meeting, field, triangles)),
         rms_255: against_same.rms * 255.0,
         mean_abs: against_same.mean_abs,
         max_abs: against_same.max_abs,

@@ -1,14 +1,16 @@
 //! What accuracy costs: many fields of one mesh, their errors, sizes and speeds, and which of them nothing beats.
 
 use serde::{Deserialize, Serialize};
+use visfield::distance::{DistanceGridFormat, DistancePrecision};
 use visfield::field::directions::DirectionMap;
 use visfield::field::lookup::Aim;
 use visfield::{
-    CapGrid, CapGridFormat, ChordTable, Encoding, QueryOptions, Representation, TableFormat, VisibilityField,
+    CapGrid, CapGridFormat, ChordTable, Encoding, FieldParts, QueryOptions, Representation, TableFormat,
+    VisibilityField,
 };
 
-use super::ambient::Names;
 use super::caps::OneObject;
+use super::names::Names;
 use super::progress::Progress;
 use super::reference::{OcclusionError, Reference};
 use super::scene::MeasureScene;
@@ -32,6 +34,12 @@ pub struct Sweep {
     pub encodings: Vec<Encoding>,
     /// Cap grids, which send no rays.
     pub cap_grids: Vec<CapGridFormat>,
+    /// Grids of distances: each for all rays, and most again beside each of the composite tables.
+    pub distances: Vec<DistanceGridFormat>,
+    /// Tables that are tried together with distances, in a sphere, aimed.
+    pub composite_tables: Vec<TableFormat>,
+    /// Most points along the longest axis of distances beside a table.
+    pub composite_voxels: u32,
     /// What surrounds the mesh.
     pub bounds: Vec<BoundsKind>,
     /// Rays per receiver.
@@ -39,7 +47,8 @@ pub struct Sweep {
 }
 
 impl Default for Sweep {
-    /// Tables from 74 kB to 17 MB in bytes, in all encodings and bounds, and cap grids from 2 to 131 kB.
+    /// Tables from 74 kB to 17 MB in bytes, in all encodings and bounds, cap grids from 2 to 131 kB, distances of 32 to 128 voxels,
+    /// and tables of bits and of bytes beside the smaller ones of them.
     fn default() -> Self {
         let two_point = [(17, 16), (17, 32), (33, 32), (33, 64), (65, 32), (65, 64)];
         let hemisphere = [(290, 16), (290, 32), (1090, 32), (1090, 64), (4226, 32), (4226, 64)];
@@ -47,6 +56,9 @@ impl Default for Sweep {
             representations: two_point.map(two_point_of).into_iter().chain(hemisphere.map(hemisphere_of)).collect(),
             encodings: Encoding::ALL.to_vec(),
             cap_grids: [8, 16, 24, 32].map(cap_grid_of).to_vec(),
+            distances: [32, 48, 64, 96, 128].map(distances_of).to_vec(),
+            composite_tables: composite_tables(&[(33, 32), (65, 32), (65, 64)]),
+            composite_voxels: 64,
             bounds: vec![BoundsKind::Sphere, BoundsKind::Ellipsoid],
             rays: 256,
         }
@@ -54,12 +66,14 @@ impl Default for Sweep {
 }
 
 impl Sweep {
-    /// A few small tables and a small cap grid.
+    /// A few small tables, a small cap grid and small distances.
     pub fn quick() -> Self {
         Self {
             representations: vec![two_point_of((17, 16)), two_point_of((33, 16)), hemisphere_of((290, 16))],
             encodings: vec![Encoding::Bit, Encoding::U8],
             cap_grids: vec![cap_grid_of(8)],
+            distances: vec![distances_of(32)],
+            composite_tables: composite_tables(&[(17, 16)]),
             rays: 64,
             ..Self::default()
         }
@@ -78,6 +92,17 @@ fn cap_grid_of(points: u32) -> CapGridFormat {
     CapGridFormat { points, ..CapGridFormat::DEFAULT }
 }
 
+fn distances_of(voxels: u32) -> DistanceGridFormat {
+    DistanceGridFormat { voxels, precision: DistancePrecision::U8 }
+}
+
+/// Bits and bytes of these sizes.
+fn composite_tables(sizes: &[(u32, u32)]) -> Vec<TableFormat> {
+    let both = |&size| [Encoding::Bit, Encoding::U8].map(|encoding| (two_point_of(size), encoding));
+    let formats = sizes.iter().flat_map(both);
+    formats.map(|(representation, encoding)| TableFormat { representation, encoding }).collect()
+}
+
 /// What was found.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Tradeoff {
@@ -93,19 +118,19 @@ pub struct Tradeoff {
     pub points: Vec<TradeoffPoint>,
 }
 
-/// One field, and one way to ask it. Errors of a cap grid, which sends no rays, are all against the truth; those of a table are
+/// One field, and one way to ask it. Errors of a cap grid, which sends no rays, are all against the truth; those of others are
 /// against the same rays, but for [`mean_abs_truth`](Self::mean_abs_truth).
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TradeoffPoint {
-    /// `two-point`, `hemisphere` or `cap-grid`.
+    /// `two-point`, `hemisphere`, `distance`, `two-point + distance` or `cap-grid`.
     pub representation: String,
-    /// The numbers of the representation, as 65² × 32² or 16³.
+    /// The numbers of the representation, as 65² × 32², 64 voxels or 16³.
     pub size: String,
-    /// How it is encoded: a table as `bit`, `u8`, `u16` or `f32`, a cap grid as `rgba8`.
+    /// How it is encoded: a table as `bit`, `u8`, `u16` or `f32`, distances as `u8`, a cap grid as `rgba8`.
     pub encoding: String,
-    /// `sphere` or `ellipsoid`; `box` for a cap grid.
+    /// `sphere` or `ellipsoid`; `box` for distances alone and for a cap grid.
     pub bounds: String,
-    /// `point` or `plain`; `none` for a cap grid.
+    /// `point` or `plain`; `traced` for distances alone, `none` for a cap grid.
     pub aim: String,
     /// Size in memory.
     pub field_bytes: u64,
@@ -118,11 +143,11 @@ pub struct TradeoffPoint {
     /// Mean absolute error in the corner against [`TRUTH_RAYS`](super::ambient::TRUTH_RAYS) exact rays per receiver: what the
     /// number of rays costs is charged to those who send them.
     pub mean_abs_truth: f64,
-    /// Error on the mesh's own surface; bits, which know no distances, have none.
+    /// Error on the mesh's own surface; bits alone, which know no distances, have none.
     pub own_surface: Option<OcclusionError>,
-    /// Whether no other point is at least as good in error (in the corner), size and time, and better in one. Tables are compared
-    /// by their errors against the same rays, and all else by errors against the truth. A cap grid never beats a table: it does
-    /// not answer rays, which shadows and the mesh's own surface need.
+    /// Whether no other point is at least as good in error (in the corner), size and time, and better in one. What answers rays is compared
+    /// by its errors against the same rays, and all else by errors against the truth. A cap grid never beats what answers rays:
+    /// it does not, which shadows and the mesh's own surface need.
     pub pareto: bool,
 }
 
@@ -184,7 +209,7 @@ pub fn tradeoff(mesh: &Mesh, sweep: &Sweep, progress: impl Fn(f64, &str) + Sync)
                 let field = best.clone().with_table(table_of(&best)?.with_encoding(encoding)?);
                 for &aim in aims(representation) {
                     sets.aim(aim);
-                    points.push(scenes.measure(sets, &field, table_of(&field)?, aim));
+                    points.push(scenes.measure(sets, &field, aim));
                     progress.add(work_per_point(scenes.corner.rays()), &format!("asking {representation}"));
                 }
             }
@@ -195,8 +220,40 @@ pub fn tradeoff(mesh: &Mesh, sweep: &Sweep, progress: impl Fn(f64, &str) + Sync)
         points.extend(field.cap_grid().map(|grid| scenes.measure_caps(&field, grid)));
         progress.add(work_per_point(scenes.corner.rays()), &format!("asking {format}"));
     }
+    points.extend(with_distances(mesh, sweep, &scenes, &progress)?);
     mark_pareto(&mut points);
     Ok(Tradeoff { mesh: mesh.name.clone(), triangles, rays: scenes.corner.rays(), exact_seconds, points })
+}
+
+/// Distances alone, and beside tables.
+fn with_distances(
+    mesh: &Mesh,
+    sweep: &Sweep,
+    scenes: &Scenes,
+    progress: &Progress,
+) -> Result<Vec<TradeoffPoint>, BakeError> {
+    let mut points = Vec::new();
+    // The same for all fields here: their bounds are spheres.
+    let mut sets = None;
+    let mut measure = |field: &VisibilityField| {
+        let sets = sets.get_or_insert_with(|| scenes.ray_sets(field));
+        points.push(scenes.measure(sets, field, Aim::Point));
+        progress.add(work_per_point(scenes.corner.rays()), "asking distances");
+    };
+    let mut beside = Vec::new();
+    for &format in &sweep.distances {
+        let field = progress.bake(mesh, &BakeSettings::of_distance(format))?;
+        measure(&field);
+        beside.extend((format.voxels <= sweep.composite_voxels).then(|| field.parts().distance.clone()));
+    }
+    for &format in &sweep.composite_tables {
+        let field = progress.bake(mesh, &BakeSettings::of_table(format, BoundsKind::Sphere))?;
+        for distance in &beside {
+            let parts = FieldParts { distance: distance.clone(), ..field.parts().clone() };
+            measure(&VisibilityField::new(field.header().clone(), parts)?);
+        }
+    }
+    Ok(points)
 }
 
 fn aims(representation: Representation) -> &'static [Aim] {
@@ -219,6 +276,14 @@ impl Sweep {
         let cap_grid = |&format: &CapGridFormat| BakeSettings::of_cap_grid(format).rays() + work_per_point(rays);
         self.bounds.len() as u64 * self.representations.iter().map(of).sum::<u64>()
             + self.cap_grids.iter().map(cap_grid).sum::<u64>()
+            + self.work_with_distances(rays)
+    }
+
+    fn work_with_distances(&self, rays: u64) -> u64 {
+        let distances = |&format: &DistanceGridFormat| BakeSettings::of_distance(format).rays() + work_per_point(rays);
+        let beside = self.distances.iter().filter(|format| format.voxels <= self.composite_voxels).count() as u64;
+        let composite = |table: &TableFormat| table.chords() + beside * work_per_point(rays);
+        self.distances.iter().map(distances).sum::<u64>() + self.composite_tables.iter().map(composite).sum::<u64>()
     }
 }
 
@@ -249,15 +314,16 @@ impl Scenes {
         Sets { corner, own }
     }
 
-    fn measure(&self, sets: &Sets, field: &VisibilityField, table: &ChordTable, aim: Aim) -> TradeoffPoint {
+    fn measure(&self, sets: &Sets, field: &VisibilityField, aim: Aim) -> TradeoffPoint {
+        let is_blind = |table: &ChordTable| table.encoding() == Encoding::Bit && field.distance_field().is_none();
         let field_seconds = Reference::field_seconds(&sets.corner, field);
         let found = Reference::found(&sets.corner, field);
         TradeoffPoint {
             rays_per_second: Some(self.corner.rays() as f64 / field_seconds),
             corner: self.corner.error(&found),
-            own_surface: (table.encoding() != Encoding::Bit)
+            own_surface: (!field.table().is_some_and(is_blind))
                 .then(|| self.own.error(&Reference::found(&sets.own, field))),
-            ..self.point(Names::of_table(table, &field.header().bounds, aim), field_seconds, &found)
+            ..self.point(Names::of_rays(field, aim), field_seconds, &found)
         }
     }
 
@@ -301,9 +367,9 @@ fn mark_pareto(points: &mut [TradeoffPoint]) {
 }
 
 /// What the columns mean for what sends no rays.
-pub(crate) const FOOTNOTE: &str = "Tables: RMS \u{d7} 255 and own surface against the same rays. Cap grids send none: all their errors are \
+pub(crate) const FOOTNOTE: &str = "Tables and distances: RMS \u{d7} 255 and own surface against the same rays. Cap grids send none: all their errors are \
      against 4096 exact rays per receiver, and their time is that of all receivers. Mean error is against those 4096 for all, the noise of \
-     few rays included. By it a table can beat a cap grid; a cap grid beats no table, since shadows and the mesh's own surface need rays.";
+     few rays included. By it they can beat a cap grid; a cap grid beats none of them, since shadows and the mesh's own surface need rays.";
 
 impl Tradeoff {
     /// The points from small to large, those on the Pareto front marked.

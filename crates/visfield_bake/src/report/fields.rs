@@ -5,6 +5,7 @@ use maud::{Markup, html};
 use super::plot::{Mark, Plot, Series};
 use super::{ReportEntry, pictures, table};
 use crate::measure::ambient::{AmbientMeasurement, AmbientSpeed};
+use crate::measure::distance::DistanceMeasurement;
 use crate::measure::document::MeasurementDocument;
 use crate::measure::picture::Pictures;
 use crate::measure::scene::MeasureScene;
@@ -55,6 +56,13 @@ pub(super) fn shadow(m: &ShadowMeasurement, drawn: Option<&Pictures>) -> Markup 
     html! {
         (quantities(&all))
         @if let Some(drawn) = drawn { (pictures(drawn, "the field", true)) }
+    }
+}
+
+pub(super) fn distance(m: &DistanceMeasurement) -> Markup {
+    html! {
+        p { (m.summary()) }
+        (table(&m.cells()))
     }
 }
 
@@ -168,7 +176,8 @@ impl<'a> Compared<'a> {
                 mean_abs_truth: m.mean_abs_truth,
                 speed: m.speed,
             }),
-            MeasurementDocument::Paper2008(_)
+            MeasurementDocument::Distance(_)
+            | MeasurementDocument::Paper2008(_)
             | MeasurementDocument::Tradeoff(_)
             | MeasurementDocument::Many(_)
             | MeasurementDocument::Gpu(_)

@@ -45,8 +45,8 @@ pub(super) fn tradeoff(tradeoff: &Tradeoff) -> Markup {
         p {
             (tradeoff.points.len()) " ways to answer the " (count(tradeoff.rays)) " rays of the paper's corner around a mesh of "
             (count(tradeoff.triangles.into())) " triangles; exact rays take " (format!("{:.3}", tradeoff.exact_seconds)) " s. On the Pareto front "
-            "is what nothing else beats: no other point that answers as much is at least as good in error, size and time, and better in one of them. Bits know no distances, and serve \
-             receivers away from the mesh only."
+            "is what nothing else beats: no other point that answers as much is at least as good in error, size and time, and better in one of them. Bits alone know no distances, and serve \
+             receivers away from the mesh only; distances beside a table answer the rays that start inside the bounds."
         }
         p { (FOOTNOTE) }
         (by_bytes.figure("Error against size: lower and further left is better"))

@@ -38,7 +38,7 @@ pub fn report(entries: &[ReportEntry]) -> String {
             body {
                 h1 { (title(entries)) }
                 p class="soft" {
-                    "By visfield " (env!("CARGO_PKG_VERSION")) ". Errors are of occlusion: of tables against the same rays through triangles, "
+                    "By visfield " (env!("CARGO_PKG_VERSION")) ". Errors are of occlusion: of tables and distances against the same rays through triangles, "
                     "of cap grids, which send none, against 4096 exact rays per receiver. "
                     "RMS \u{d7} 255 is their root mean square in steps of an 8-bit picture. Times are of one thread, but bakes use all."
                 }
@@ -61,6 +61,7 @@ fn mesh(document: &MeasurementDocument) -> &str {
     match document {
         MeasurementDocument::Ambient { measurement, .. } => &measurement.mesh,
         MeasurementDocument::Shadow { measurement, .. } => &measurement.mesh,
+        MeasurementDocument::Distance(distance) => &distance.mesh,
         MeasurementDocument::Paper2008(paper) => &paper.mesh,
         MeasurementDocument::Tradeoff(tradeoff) => &tradeoff.mesh,
         MeasurementDocument::Many(many) => &many.mesh,
@@ -78,6 +79,7 @@ fn section(entry: &ReportEntry) -> Markup {
         MeasurementDocument::Shadow { measurement, pictures } => {
             ("Soft shadow", fields::shadow(measurement, pictures.as_deref()))
         }
+        MeasurementDocument::Distance(distance) => ("Distances", fields::distance(distance)),
         MeasurementDocument::Paper2008(paper) => ("The figures of the 2008 paper", figures::paper2008(paper)),
         MeasurementDocument::Tradeoff(tradeoff) => ("What accuracy costs", figures::tradeoff(tradeoff)),
         MeasurementDocument::Many(many) => ("Several objects", figures::many(many)),

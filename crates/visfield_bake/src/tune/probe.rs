@@ -1,4 +1,4 @@
-//! What is required of a table, with exact answers to compare it with.
+//! What is required of a field, with exact answers to compare it with.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -80,15 +80,14 @@ impl Probe {
         })
     }
 
-    /// What a field gets wrong.
-    pub(super) fn measure(&self, field: &VisibilityField) -> Measured {
-        let found = self.field_occlusion(field);
+    /// What is wrong with the occlusion that was found for each receiver.
+    pub(super) fn judge(&self, found: &[f32]) -> Measured {
         let (rms, mean_abs) = if self.light.is_some() {
-            let errors = ShadowErrors::of(&found, &self.exact);
+            let errors = ShadowErrors::of(found, &self.exact);
             // Without a penumbra there is nothing that the RMS could be of.
             (if errors.partly_lit == 0 { errors.mean_abs } else { errors.rms }, errors.mean_abs)
         } else {
-            let errors = Errors::of(&found, &self.exact);
+            let errors = Errors::of(found, &self.exact);
             (errors.rms, errors.mean_abs)
         };
         Measured {
@@ -108,7 +107,19 @@ impl Probe {
         })
     }
 
-    fn field_occlusion(&self, field: &VisibilityField) -> Vec<f32> {
+    /// What exact rays find for each receiver.
+    pub(super) fn exact(&self) -> &[f32] {
+        &self.exact
+    }
+
+    /// Whether each receiver lies inside a field's bounds: all of its rays start there.
+    pub(super) fn inside(&self, field: &VisibilityField) -> Vec<bool> {
+        let asked = AskedField::new(field);
+        self.receivers.iter().map(|receiver| asked.origin(receiver).length_squared() < 1.0).collect()
+    }
+
+    /// The occlusion of each receiver by a field.
+    pub(super) fn found(&self, field: &VisibilityField) -> Vec<f32> {
         let asked = AskedField::new(field);
         self.shares(|receiver, directions| {
             let origin = asked.origin(receiver);

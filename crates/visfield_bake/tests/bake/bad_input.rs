@@ -228,7 +228,7 @@ fn meshes_that_cannot_be_baked() {
 }
 
 #[test]
-fn a_field_without_a_table_has_none_to_measure() {
+fn a_field_that_answers_no_rays_has_none_to_measure() {
     let folder = Folder::new();
     let mesh = folder.read("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap().remove(0);
     let caps = CapGridFormat { points: 4, ..CapGridFormat::default() };
@@ -237,7 +237,7 @@ fn a_field_without_a_table_has_none_to_measure() {
     let field = file::read(&folder.path("a.vfield")).unwrap().remove(0);
     let ask = ShadowQuestion { speed: false, scene: MeasureScene::OwnSurface, ..ShadowQuestion::default() };
     let error = measure_shadow_of(&mesh, &field, &ask).unwrap_err();
-    assert_eq!(error, BakeError::NoTable { name: "Mesh0/Primitive0".to_owned() });
+    assert_eq!(error, BakeError::NoRays { name: "Mesh0/Primitive0".to_owned() });
 }
 
 #[test]

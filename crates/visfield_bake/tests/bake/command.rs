@@ -5,6 +5,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 use serde_json::json;
+use visfield::distance::{DistanceGridFormat, DistancePrecision};
 use visfield::field::cap_grid::{CapPrecision, Falloff, HarmonicOrder};
 use visfield::{CapGridFormat, Representation, file};
 
@@ -45,7 +46,9 @@ fn bake_then_inspect() {
         "M rays/s",
         "\n  cap grid 16³ in rgba8 = 16.38 kB, mean error 0.00",
         " around it, 0.",
-        " inside its box\n",
+        " inside its box\n  distances 64 voxels u8 = 262.14 kB, ",
+        " s, at the surface at most 0.",
+        " voxels too far\n",
         "shape.vfield: 1 field",
     ] {
         assert!(report.contains(part), "{part:?} in {report}");
@@ -55,6 +58,8 @@ fn bake_then_inspect() {
     assert_eq!((fields.len(), table.representation()), (1, Representation::TwoPoint { entries: 65, exits: 32 }));
     let grid = fields[0].cap_grid().unwrap().header();
     assert_eq!(grid.format, CapGridFormat::default());
+    let distance = fields[0].distance_field().unwrap().grid().unwrap().header();
+    assert_eq!((distance.format, distance.points), (DistanceGridFormat::DEFAULT, [64; 3]));
     assert!(grid.error.is_some_and(|error| error.outside > 0.0 && error.outside < 0.01), "{:?}", grid.error);
 
     let message = error(folder, &["report", "shape.vfield"]);
@@ -63,9 +68,9 @@ fn bake_then_inspect() {
 
     let inspected = text(&visfield(folder, &["inspect", "shape.vfield"]).stdout);
     for part in [
-        "format version 3",
-        // Both parts.
-        "4.34 MB in memory",
+        "format version 4",
+        // All parts.
+        "4.60 MB in memory",
         "Mesh0/Primitive0",
         "65² entries × 32² exits",
         "u8",
@@ -74,6 +79,12 @@ fn bake_then_inspect() {
         "16³ points, harmonics of order 1, rgba8, 16,384 bytes",
         "falloff          none",
         "inside its box: serves receivers inside it",
+        "distances        64 × 64 × 64 points, 8 bits each, 262,144 bytes",
+        // The box is 2 wide, with a voxel on either side.
+        "voxel            0.0327",
+        "range            -3.00 to 12.00 voxels",
+        "excess           at the surface at most 0.",
+        "rays             composite: the table for those from outside the bounds, distances for those from inside",
     ] {
         assert!(inspected.contains(part), "{part:?} in {inspected}");
     }
@@ -92,6 +103,7 @@ fn only_the_parts_that_are_asked_for_are_baked() {
     };
     let (report, field) = baked(&["two-point", "--entries", "9", "--exits", "8"]);
     assert!(field.table().is_some() && field.cap_grid().is_none() && !report.contains("cap grid"), "{report}");
+    assert!(field.distance_field().is_none() && !report.contains("distances"), "{report}");
 
     let caps = ["--points", "8", "--order", "3", "--precision", "rgba16f", "--falloff", "exponential=0.5"];
     let (report, field) = baked(&[&["cap-grid"], &caps[..]].concat());
@@ -108,7 +120,18 @@ fn only_the_parts_that_are_asked_for_are_baked() {
     {
         assert!(inspected.contains(part), "{part:?} in {inspected}");
     }
-    assert!(!inspected.contains("chords"), "{inspected}");
+    assert!(!inspected.contains("chords") && !inspected.contains("distances"), "{inspected}");
+
+    let (report, field) = baked(&["distance", "--voxels", "16", "--distance-bits", "16"]);
+    assert!(field.table().is_none() && field.cap_grid().is_none() && !report.contains("rays/s"), "{report}");
+    assert!(report.starts_with("Mesh0/Primitive0: 4 triangles\n  distances 16 voxels u16 = 8.19 kB, "), "{report}");
+    assert!(report.contains("note: without a table, distances answer all rays"), "{report}");
+    let format = field.distance_field().unwrap().grid().unwrap().header().format;
+    assert_eq!(format, DistanceGridFormat { voxels: 16, precision: DistancePrecision::U16 });
+    let inspected = text(&visfield(folder, &["inspect", "shape.vfield"]).stdout);
+    assert!(inspected.contains("16 × 16 × 16 points, 16 bits each") && !inspected.contains("composite"), "{inspected}");
+    let (report, field) = baked(&["cap-grid,distance", "--points", "4", "--voxels", "8"]);
+    assert!(field.table().is_none() && field.cap_grid().is_some() && field.distance_field().is_some(), "{report}");
 
     // Twice the flag, or a list.
     let (_, field) = baked(&["cap-grid", "--points", "4", "--representation", "hemisphere", "--positions", "50"]);
@@ -145,7 +168,9 @@ fn what_a_game_cannot_do_with_a_field_is_noted() {
     let baked = |arguments: &[&str]| text(&visfield(folder, &[&["bake", "shape.obj"], arguments].concat()).stdout);
     assert!(!baked(&["--entries", "9", "--exits", "8"]).contains("note"));
     let bits = ["--entries", "9", "--exits", "8", "--encoding", "bit"];
-    assert!(baked(&bits).contains("note: bits know no distances"));
+    assert!(!baked(&bits).contains("note"), "distances stand beside them");
+    let alone = ["--representation", "two-point"];
+    assert!(baked(&[&bits[..], &alone].concat()).contains("note: bits know no distances"));
     // Its bounding radius is 1.73, in either shape.
     for (falloff, coarse) in
         [("linear=0.8", true), ("linear=0.9", false), ("exponential=1.2", true), ("exponential=1.1", false)]
@@ -264,7 +289,62 @@ fn a_cap_grid_is_measured_against_very_many_rays() {
     assert!(fading["occluded_fraction"].as_f64().unwrap() < 0.5 * number("occluded_fraction"));
 
     let message = error(folder, &["measure", "shadow", "--mesh", "shape.obj", "--representation", "cap-grid"]);
-    assert!(message.contains("shape.obj: there is no table to measure"), "{message}");
+    assert!(message.contains("shape.obj: nothing in it answers rays"), "{message}");
+}
+
+#[test]
+fn distances_are_measured_alone_and_beside_a_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("shape.obj"), TETRAHEDRON).unwrap();
+    let measured = |what: &str, more: &[&str]| {
+        let output = visfield(folder, &[&["measure", what, "--mesh", "shape.obj", "--json", "m.json"], more].concat());
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        let json: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("m.json")).unwrap()).unwrap();
+        (text(&output.stdout), json)
+    };
+    let few = ["--rays", "16", "--scene", "self"];
+    for what in ["ao", "shadow"] {
+        let alone = ["--representation", "distance", "--voxels", "16"];
+        let (_, json) = measured(what, &[&few[..], &alone].concat());
+        for (name, value) in [
+            ("representation", json!("distance")),
+            ("size", json!("16 voxels")),
+            ("encoding", json!("u8")),
+            ("bounds", json!("box")),
+            ("aim", json!("traced")),
+            ("field_bytes", json!(4096)),
+        ] {
+            assert_eq!(json[name], value, "{what}: {name}");
+        }
+        assert!(
+            json["speedup"].as_f64().unwrap() > 0.0 && json["gather_limit_lookups_per_second"].as_f64().unwrap() > 0.0
+        );
+        let both = ["--representation", "two-point,distance", "--entries", "9", "--exits", "8", "--encoding", "bit"];
+        let (report, json) = measured(what, &[&few[..], &both, &["--voxels", "16"]].concat());
+        assert!(report.contains("two-point + distance 9² × 8² + 16 voxels, bit + u8, sphere"), "{report}");
+        assert_eq!(json["aim"], "point");
+        // On the mesh itself, distances answer everything.
+        let (_, table) = measured(what, &[&few[..], &both[2..6], &["--encoding", "bit"]].concat());
+        assert!(what == "shadow" || json["rms_255"].as_f64().unwrap() < 0.1 * table["rms_255"].as_f64().unwrap());
+    }
+
+    let (report, json) = measured("distance", &["--voxels", "24", "--points", "3000"]);
+    for (name, value) in [
+        ("kind", json!("distance")),
+        ("mesh", json!("shape.obj")),
+        ("grid", json!([24, 24, 24])),
+        ("encoding", json!("u8")),
+        ("field_bytes", json!(24 * 24 * 24)),
+    ] {
+        assert_eq!(json[name], value, "{name}");
+    }
+    let points = |kind: &str| json[kind]["points"].as_u64().unwrap();
+    assert_eq!((points("all") + json["clamped"].as_u64().unwrap(), points("surface")), (3000, 3000));
+    assert!(report.contains("24 × 24 × 24 distances in u8") && report.contains("within a voxel"), "{report}");
+    assert!(visfield(folder, &["report", "m.json", "-o", "page.html"]).status.success());
+    let page = fs::read_to_string(folder.join("page.html")).unwrap();
+    assert!(page.contains("Distances: shape.obj") && page.contains("beyond the excess"));
 }
 
 #[test]
@@ -442,8 +522,18 @@ fn usage_is_checked_and_explained() {
         (&["--directions", "8"], "--directions is for hemisphere tables"),
         (&["--representation", "two-point", "--points", "8"], "--points is for cap grids"),
         (&["--representation", "cap-grid", "--entries", "8"], "--entries is for tables"),
-        (&["--representation", "cap-grid", "--max-rms", "2"], "--max-rms chooses a two-point table"),
-        (&["--representation", "hemisphere", "--max-bytes", "2MB"], "--max-bytes chooses a two-point table"),
+        (&["--representation", "cap-grid", "--max-rms", "2"], "--max-rms chooses among two-point tables and distances"),
+        (&["--representation", "hemisphere", "--max-bytes", "2MB"], "--max-bytes chooses among two-point tables"),
+        (&["--representation", "hemisphere,distance", "--max-bytes", "2MB"], "--max-bytes chooses among"),
+        (&["--voxels", "7"], "8..=256"),
+        (&["--voxels", "257"], "8..=256"),
+        (&["--distance-bits", "12"], "[possible values: 8, 16]"),
+        (&["--representation", "two-point,cap-grid", "--voxels", "64"], "--voxels is for distances"),
+        (&["--representation", "two-point", "--distance-bits", "16"], "--distance-bits is for distances"),
+        (&["--representation", "distance", "--entries", "8"], "--entries is for tables"),
+        (&["--representation", "distance", "--points", "8"], "--points is for cap grids"),
+        (&["--representation", "distance,distance"], "--representation names distance twice"),
+        (&["--voxels", "8", "--max-rms", "2"], "cannot be used with"),
         (&["--entries", "8", "--max-rms", "2"], "cannot be used with"),
     ] {
         let output = visfield(folder.path(), &[&["bake", "a.obj"], arguments].concat());
@@ -452,9 +542,15 @@ fn usage_is_checked_and_explained() {
     }
     let output =
         visfield(folder.path(), &["measure", "ao", "--mesh", "a.obj", "--representation", "two-point,cap-grid"]);
-    assert_eq!(output.status.code(), Some(2), "one part is measured at a time");
+    assert_eq!(output.status.code(), Some(2), "one way to answer is measured at a time");
+    assert!(text(&output.stderr).contains("rays and cap grids are measured one at a time"));
     let help = text(&visfield(folder.path(), &["bake", "--help"]).stdout);
-    assert!(["Examples:", "1 to 512", ".vfield", "[default: 65]"].iter().all(|part| help.contains(part)), "{help}");
+    assert!(
+        ["Examples:", "1 to 512", ".vfield", "[default: 65]", "8 to 256", "0.26 MB at most"]
+            .iter()
+            .all(|part| help.contains(part)),
+        "{help}"
+    );
     let version = text(&visfield(folder.path(), &["--version"]).stdout);
     assert_eq!(version.trim(), format!("visfield {}", env!("CARGO_PKG_VERSION")));
 }

@@ -8,6 +8,8 @@ use std::sync::{LazyLock, Mutex};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use visfield::CapGridFormat;
+use visfield::distance::DistanceGridFormat;
+use visfield_bake::measure::distance::{DistanceMeasurement, DistanceQuestion, measure_distance};
 use visfield_bake::measure::document::{DocumentError, MeasurementDocument};
 use visfield_bake::measure::many::{Many, ManyQuestion, measure_many};
 use visfield_bake::measure::paper2008::{Paper2008, Paper2008Question, paper2008};
@@ -64,8 +66,14 @@ static MANY: LazyLock<Many> = LazyLock::new(|| {
     to_the_end(|progress| measure_many(&[tetrahedron(HOSTILE)], &question, progress).unwrap())
 });
 
+static DISTANCE: LazyLock<DistanceMeasurement> = LazyLock::new(|| {
+    let format = DistanceGridFormat { voxels: 16, ..DistanceGridFormat::DEFAULT };
+    let question = DistanceQuestion { format, points: 2000 };
+    to_the_end(|progress| measure_distance(&tetrahedron(HOSTILE), &question, progress).unwrap())
+});
+
 /// One of each kind, and a cap grid.
-static DOCUMENTS: LazyLock<[MeasurementDocument; 6]> = LazyLock::new(|| {
+static DOCUMENTS: LazyLock<[MeasurementDocument; 7]> = LazyLock::new(|| {
     let mesh = tetrahedron(HOSTILE);
     let bake = BakeSettings::two_point(9, 8);
     // Few receivers, because each of them costs thousands of rays of truth.
@@ -85,6 +93,7 @@ static DOCUMENTS: LazyLock<[MeasurementDocument; 6]> = LazyLock::new(|| {
         MeasurementDocument::Tradeoff(Box::new(TRADEOFF.clone())),
         MeasurementDocument::Many(Box::new(MANY.clone())),
         MeasurementDocument::Ambient { pictures: None, measurement: Box::new(caps) },
+        MeasurementDocument::Distance(Box::new(DISTANCE.clone())),
     ]
 });
 
@@ -103,7 +112,9 @@ fn rounded(value: serde_json::Value) -> serde_json::Value {
 fn a_document_reads_as_it_was_written() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("measured.json");
-    for (document, kind) in DOCUMENTS.iter().zip(["ambient", "shadow", "paper2008", "tradeoff", "many", "ambient"]) {
+    for (document, kind) in
+        DOCUMENTS.iter().zip(["ambient", "shadow", "paper2008", "tradeoff", "many", "ambient", "distance"])
+    {
         document.write(&path).unwrap();
         let read = MeasurementDocument::read(&path).unwrap();
         assert_eq!(rounded(serde_json::to_value(&read).unwrap()), rounded(serde_json::to_value(document).unwrap()));
@@ -131,6 +142,7 @@ fn a_report_has_every_kind_and_escapes_names() {
         "Figure 8",
         "What accuracy costs",
         "Several objects",
+        "Distances",
     ] {
         assert!(page.contains(heading), "{heading}");
     }
@@ -217,8 +229,8 @@ fn the_command_reports_or_says_what_is_wrong_in_one_line() {
 #[test]
 fn a_sweep_marks_what_nothing_beats() {
     let Tradeoff { points, .. } = &*TRADEOFF;
-    // Two-point tables are asked in two ways, in two encodings, two bounds.
-    assert_eq!(points.len(), (2 * 2 + 1) * 2 * 2 + 1);
+    // Two-point tables are asked in two ways, in two encodings, two bounds; distances alone, and beside a table in two encodings.
+    assert_eq!(points.len(), (2 * 2 + 1) * 2 * 2 + 1 + 1 + 2);
     let front = |point: &&visfield_bake::measure::tradeoff::TradeoffPoint| point.pareto;
     assert!((1..points.len()).contains(&points.iter().filter(front).count()));
     let (caps, tables): (Vec<_>, Vec<_>) = points.iter().partition(|point| point.representation == "cap-grid");
@@ -229,8 +241,8 @@ fn a_sweep_marks_what_nothing_beats() {
     assert_eq!((caps.size.as_str(), caps.encoding.as_str(), caps.field_bytes), ("8\u{b3}", "rgba8", 2048));
     assert_eq!((caps.rays_per_second, caps.mean_abs_truth), (None, caps.corner.mean_abs));
     assert!(caps.own_surface.is_some());
-    for point in tables {
-        assert_eq!(point.own_surface.is_none(), point.encoding == "bit");
+    for point in &tables {
+        assert_eq!(point.own_surface.is_none(), point.encoding == "bit", "{point:?}");
         assert!(point.rays_per_second.unwrap() > 1e4 && point.mean_abs_truth != point.corner.mean_abs);
     }
     for point in points {
@@ -238,7 +250,22 @@ fn a_sweep_marks_what_nothing_beats() {
         assert!(point.field_seconds > 0.0 && (0.0..0.1).contains(&point.mean_abs_truth));
     }
     let text = TRADEOFF.table();
-    for part in ["two-point, aimed", "hemisphere, plain", "cap-grid, no rays", "mean error", "Cap grids send none"] {
+    let distances: Vec<_> = tables.iter().filter(|point| point.representation.contains("distance")).collect();
+    let names: Vec<_> = distances.iter().map(|point| (point.family(), point.encoding.as_str())).collect();
+    let both = "two-point + distance, aimed".to_owned();
+    assert_eq!(names, [("distance, traced".to_owned(), "u8"), (both.clone(), "bit + u8"), (both, "u8 + u8")]);
+    let own = |index: usize| distances[index].own_surface.unwrap().rms_255;
+    assert!(own(0) == own(1) && own(1) == own(2), "on the mesh itself, the table is not asked");
+    let bytes = |index: usize| distances[index].field_bytes;
+    assert!(bytes(0) == 32 * 32 * 32 && bytes(2) == bytes(0) + 17 * 17 * 16 * 16 && bytes(1) < bytes(2));
+    for part in [
+        "two-point, aimed",
+        "distance, traced",
+        "hemisphere, plain",
+        "cap-grid, no rays",
+        "mean error",
+        "Cap grids send none",
+    ] {
         assert!(text.contains(part), "{part} in {text}");
     }
 }

@@ -24,7 +24,12 @@ const SMALL: TuneQuestion = TuneQuestion {
     shadows: false,
     receivers: TuneReceivers::All,
     max_distance: f32::INFINITY,
+    tables: true,
+    distances: true,
 };
+
+/// The same without distances.
+const SMALL_TABLE: TuneQuestion = TuneQuestion { distances: false, ..SMALL };
 
 fn tuned(mesh: &Mesh, question: &TuneQuestion) -> Tuned {
     tune(mesh, question, |_| ()).unwrap()
@@ -38,11 +43,42 @@ fn worst(field: &VisibilityField) -> f32 {
 fn only_what_is_required_is_stored() {
     let mesh = mesh("torus_knot");
     let encoding = |question: TuneQuestion| tuned(&mesh, &question).settings.table.unwrap().encoding;
-    assert_eq!(encoding(TuneQuestion { receivers: TuneReceivers::Others, ..SMALL }), Encoding::Bit);
-    assert_eq!(encoding(TuneQuestion { receivers: TuneReceivers::Far, ..SMALL }), Encoding::Bit);
-    assert_eq!(encoding(SMALL), Encoding::U8, "its own surface needs distances");
-    let near = TuneQuestion { receivers: TuneReceivers::Others, max_distance: 0.5, ..SMALL };
+    assert_eq!(encoding(TuneQuestion { receivers: TuneReceivers::Others, ..SMALL_TABLE }), Encoding::Bit);
+    assert_eq!(encoding(TuneQuestion { receivers: TuneReceivers::Far, ..SMALL_TABLE }), Encoding::Bit);
+    assert_eq!(encoding(SMALL_TABLE), Encoding::U8, "its own surface needs distances");
+    let near = TuneQuestion { receivers: TuneReceivers::Others, max_distance: 0.5, ..SMALL_TABLE };
     assert_eq!(encoding(near), Encoding::U8, "a reach needs distances");
+}
+
+#[test]
+fn distances_are_chosen_where_they_win() {
+    let mesh = mesh("torus_knot");
+    let with = tuned(&mesh, &SMALL);
+    assert!(with.settings.distance.is_some() && with.field.distance_field().is_some(), "{}", with.settings);
+    assert!(worst(&with.field) < 0.7 * worst(&tuned(&mesh, &SMALL_TABLE).field), "{}", worst(&with.field));
+    let alone = TuneQuestion { tables: false, ..SMALL };
+    let alone = tuned(&mesh, &alone);
+    assert!(alone.settings.table.is_none() && alone.field.table().is_none());
+    assert!(worst(&with.field) <= worst(&alone.field), "{} and {}", worst(&with.field), worst(&alone.field));
+    // Nothing that is asked far away starts inside the bounds.
+    let far = tuned(&mesh, &TuneQuestion { receivers: TuneReceivers::Far, ..SMALL });
+    assert!(far.settings.table.is_none() || far.settings.distance.is_none(), "{}", far.settings);
+}
+
+#[test]
+fn a_table_and_distances_together_are_measured_as_their_field_is() {
+    // There is room for a small table beside distances, and not for finer distances.
+    let mesh = mesh("supershape");
+    let both = tuned(&mesh, &SMALL);
+    assert!(both.settings.table.is_some() && both.settings.distance.is_some(), "{}", both.settings);
+    assert!(both.field.bytes() <= 300_000);
+    let again = visfield_bake::bake(&mesh, &both.settings, |_| ()).unwrap();
+    assert_eq!(again.distance_field(), both.field.distance_field());
+    assert_eq!(again.header().bounds, both.field.header().bounds);
+    for measured in &both.field.header().measured {
+        let (rms, mean) = measured_again(&mesh, &both.field, measured);
+        assert_eq!((rms as f32, mean as f32), (measured.rms_255, measured.mean_abs), "{measured:?}");
+    }
 }
 
 /// A field's error in a scene, by the tools that anybody can measure with, not by the tuner's own: RMS × 255, and mean.
@@ -93,7 +129,8 @@ fn limits_are_met_when_measured_again() {
 #[test]
 fn nothing_cheaper_is_good_enough() {
     let mesh = mesh("chair");
-    let question = TuneQuestion { max_rms: Some(2.4), receivers: TuneReceivers::Others, max_bytes: None, ..SMALL };
+    let question =
+        TuneQuestion { max_rms: Some(2.4), receivers: TuneReceivers::Others, max_bytes: None, ..SMALL_TABLE };
     let chosen = tuned(&mesh, &question);
     assert!(worst(&chosen.field) <= 2.4);
     let bytes = chosen.field.bytes();
@@ -120,7 +157,7 @@ fn what_cannot_be_met_is_said_with_what_could() {
     let mesh = mesh("torus_knot");
     let error = tune(&mesh, &TuneQuestion { max_rms: Some(0.001), ..SMALL }, |_| ()).unwrap_err();
     let TuneError::Missed { best, bytes, worst: least, .. } = &error else { panic!("{error}") };
-    assert_eq!(best.table.unwrap().encoding, Encoding::U8);
+    assert!(best.distance.is_some(), "{best}");
     assert!(*bytes <= 300_000);
     let message = error.to_string();
     let proposal: f32 = message.split("allow an RMS of ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
@@ -131,14 +168,17 @@ fn what_cannot_be_met_is_said_with_what_could() {
     let refused = |question: TuneQuestion| tune(&mesh, &question, |_| ()).unwrap_err();
     assert_eq!(refused(TuneQuestion::default()), TuneError::NoLimit);
     assert_eq!(refused(TuneQuestion { ambient: false, ..SMALL }), TuneError::NoPurpose);
+    assert_eq!(refused(TuneQuestion { tables: false, ..SMALL_TABLE }), TuneError::NoParts);
     for max_rms in [-1.0, 256.0, f32::NAN] {
         assert!(matches!(refused(TuneQuestion { max_rms: Some(max_rms), ..SMALL }), TuneError::Rms { .. }));
     }
     for max_distance in [-1.0, 0.0, f32::NAN] {
         assert!(matches!(refused(TuneQuestion { max_distance, ..SMALL }), TuneError::Distance { .. }));
     }
-    let few = refused(TuneQuestion { max_bytes: Some(100), ..SMALL });
+    let few = refused(TuneQuestion { max_bytes: Some(100), ..SMALL_TABLE });
     assert!(matches!(few, TuneError::TooFewBytes { max_bytes: 100, smallest: 9_537, .. }), "{few}");
+    let few = refused(TuneQuestion { max_bytes: Some(100), tables: false, ..SMALL });
+    assert!(matches!(few, TuneError::TooFewBytes { smallest: 1_000..24_000, .. }), "{few}");
     let nothing = Mesh { name: "nothing".to_owned(), ..Mesh::default() };
     assert!(matches!(tune(&nothing, &SMALL, |_| ()), Err(TuneError::Bake(_))));
 }
@@ -147,18 +187,19 @@ fn what_cannot_be_met_is_said_with_what_could() {
 fn steps_add_up_and_units_do_not_matter() {
     let mesh = mesh("chair");
     let steps = std::sync::Mutex::new((Vec::new(), 0));
-    let question = TuneQuestion { max_rms: Some(2.0), max_bytes: None, receivers: TuneReceivers::Others, ..SMALL };
+    let question =
+        TuneQuestion { max_rms: Some(2.0), max_bytes: None, receivers: TuneReceivers::Others, ..SMALL_TABLE };
     let chosen = tune(&mesh, &question, |step| {
         let mut steps = steps.lock().unwrap();
         match step {
-            TuneStep::Table(settings) => steps.0.push(settings),
+            TuneStep::Field(settings) => steps.0.push(settings),
             TuneStep::Rays(rays) => steps.1 += rays,
             other => panic!("{other:?}"),
         }
     })
     .unwrap();
     let (tables, rays) = steps.into_inner().unwrap();
-    assert_eq!(tables.len(), chosen.measured_tables);
+    assert_eq!(tables.len(), chosen.measured_fields);
     let chords = |s: &BakeSettings| (s.table.unwrap().representation.to_string(), s.bounds == BoundsKind::Sphere);
     let mut traced = tables.clone();
     traced.sort_by_key(chords);
@@ -190,7 +231,10 @@ fn bake_with_limits_then_inspect() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::copy(asset("torus_knot", "glb"), folder.join("knot.glb")).unwrap();
-    let output = visfield(folder, "bake knot.glb --max-rms 5 --max-bytes 0.3MB --for ao --receivers others");
+    let output = visfield(
+        folder,
+        "bake knot.glb --max-rms 5 --max-bytes 0.3MB --for ao --receivers others --representation two-point",
+    );
     assert!(output.status.success(), "{}", text(&output.stderr));
     assert_eq!(text(&output.stderr), "", "no progress bar in a pipe");
     let report = text(&output.stdout);
@@ -205,6 +249,12 @@ fn bake_with_limits_then_inspect() {
     let inspected = text(&visfield(folder, "inspect knot.vfield").stdout);
     assert!(inspected.contains(&line) && inspected.contains("  measured         ao"), "{inspected}");
 
+    let output = visfield(folder, "bake knot.glb --max-bytes 0.3MB --representation distance,two-point");
+    let report = text(&output.stdout);
+    let field = file::read(&folder.join("knot.vfield")).unwrap().remove(0);
+    assert!(field.distance_field().is_some() && field.cap_grid().is_none() && field.bytes() <= 300_000, "{report}");
+    assert!(report.contains("fields measured") && report.contains("\n  distances "), "{report}");
+
     // Without limits nothing is measured, as ever.
     assert!(visfield(folder, "bake knot.glb --entries 9 --exits 8").status.success());
     assert!(!text(&visfield(folder, "inspect knot.vfield").stdout).contains("measured"));
@@ -217,10 +267,11 @@ fn limits_that_cannot_be_met_write_nothing() {
     fs::copy(asset("chair", "glb"), folder.join("chair.glb")).unwrap();
     for (limits, parts) in [
         ("--max-rms 0.01 --max-bytes 80kB", &["of at most 80000 bytes", "u8", "allow an RMS of", "more bytes"][..]),
-        ("--max-bytes 100", &["no table has 100 bytes or fewer", "9537"]),
-        ("--max-bytes 0", &["no table has 0 bytes or fewer"]),
+        ("--max-bytes 100", &["nothing that could be chosen has 100 bytes or fewer", "9537"]),
+        ("--max-bytes 0", &["has 0 bytes or fewer"]),
     ] {
-        let output = visfield(folder, &format!("bake chair.glb --for ao {limits}"));
+        let tables = "--representation two-point,cap-grid";
+        let output = visfield(folder, &format!("bake chair.glb --for ao {tables} {limits}"));
         let message = text(&output.stderr);
         assert_eq!(output.status.code(), Some(1), "{message}");
         assert!(message.starts_with("error: chair.glb: Mesh0/Primitive0: "), "{message}");
@@ -253,7 +304,7 @@ fn nonsense_limits_are_usage_errors() {
         ("--exits 32 --max-bytes 1MB", "cannot be used with"),
         ("--max-rms 1 --encoding bit", "cannot be used with"),
         ("--max-rms 1 --bounds sphere", "cannot be used with"),
-        ("--max-rms 1 --representation hemisphere", "chooses a two-point table"),
+        ("--max-rms 1 --representation hemisphere", "chooses among two-point tables and distances"),
         // And these mean nothing without it.
         ("--for ao", "required"),
         ("--receivers far", "required"),

@@ -3,6 +3,8 @@
 use super::super::fit::{Cell, Sampling};
 use super::*;
 
+use visfield::distance::DistancePrecision;
+
 const BOUND: f32 = 0.05;
 
 /// The largest interpolated value at random points of the surface, of which there are `per_triangle` each.
@@ -98,4 +100,50 @@ fn huge_triangles_have_no_more_samples_than_others() {
     let mut count = 0_u64;
     Sampling::new(&[huge]).for_each(&huge, |_| count += 1);
     assert!((8_000_000..24_000_000).contains(&count), "{count}");
+}
+
+/// The largest stored value at random points of a baked grid's surface, and what the grid states.
+fn stated(soup: &[[DVec3; 3]], format: DistanceGridFormat, per_triangle: usize) -> (f32, f32) {
+    let baked = bake_distance_grid(soup, format, |_| ()).unwrap();
+    let grid = GridPoints::of(baked.header());
+    let mut random = Random(17);
+    let mut highest = 0.0_f32;
+    for triangle in soup {
+        for _ in 0..per_triangle {
+            let place = (random.on_triangle(*triangle) - grid.low) / grid.voxel;
+            highest = highest.max(baked.distance(place.as_vec3()));
+        }
+    }
+    (highest, baked.header().excess)
+}
+
+#[test]
+fn what_a_grid_states_holds_everywhere_on_the_surface() {
+    let plate = cuboid(dvec3(-1.0, -1.0, 0.01), dvec3(1.0, 1.0, 0.02));
+    let triangle = vec![[dvec3(0.0, 0.0, 0.013), dvec3(1.0, 0.1, 0.2), dvec3(0.2, 0.9, 0.3)]];
+    let needle = vec![[dvec3(0.0, 0.0, 0.0), dvec3(1.0, 0.4, 0.2), dvec3(0.5, 0.2001, 0.1)]];
+    let line = vec![[dvec3(0.0, 0.0, 0.0), dvec3(1.0, 0.4, 0.2), dvec3(0.5, 0.2, 0.1)], [dvec3(0.0, 0.2, 0.1); 3]];
+    for precision in [DistancePrecision::U8, DistancePrecision::U16] {
+        for (what, soup) in [("plate", &plate), ("triangle", &triangle), ("needle", &needle), ("line", &line)] {
+            for voxels in [8, 24, 60] {
+                let (highest, excess) = stated(soup, DistanceGridFormat { voxels, precision }, 20_000);
+                println!("{what}, {voxels} voxels, {precision:?}: {highest} of {excess}");
+                assert!(highest <= excess && excess < 0.25, "{what}, {voxels} voxels: {highest} above {excess}");
+                assert!(excess < highest + 0.07, "{what}, {voxels} voxels: {excess} says more than {highest}");
+            }
+        }
+    }
+}
+
+#[test]
+fn what_real_grids_state_holds_on_their_surface() {
+    for name in ["stanford-bunny.obj", "cow.obj", "teapot.obj"] {
+        let Some(soup) = shared_mesh(name) else { return };
+        for voxels in [16, 64] {
+            let format = DistanceGridFormat { voxels, ..DistanceGridFormat::DEFAULT };
+            let (highest, excess) = stated(&soup, format, 400_000 / soup.len());
+            println!("{name}, {voxels} voxels: {highest} of {excess}");
+            assert!(highest <= excess && excess < highest + 0.07, "{name}: {highest} of {excess}");
+        }
+    }
 }
