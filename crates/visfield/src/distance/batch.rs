@@ -17,6 +17,7 @@ use pulp::{Arch, NullaryFnOnce};
 
 use super::grid::{Cells, DistanceGrid, GridShape};
 use super::query::{LEAST_STEP, MAX_STEPS, RELAXATION, SLACK, SLACK_REACH, Segment, lifted, segment};
+use super::sphere_trace::adapted;
 use super::{DistanceField, GRID_THRESHOLD};
 use crate::field::lanes::Vectors;
 use crate::field::query::{Bias, Ray, finite};
@@ -100,8 +101,6 @@ struct Lanes {
     direction: Vectors<LANES>,
     t: [f32; LANES],
     t_max: [f32; LANES],
-    /// Whether the last step was relaxed.
-    relaxed: [bool; LANES],
     slack: [f32; LANES],
     previous: [f32; LANES],
     step: [f32; LANES],
@@ -109,9 +108,6 @@ struct Lanes {
 }
 
 const IDLE: usize = usize::MAX;
-
-/// A slope at which relaxed spheres just meet.
-const STEEPEST: f32 = (2.0 - RELAXATION) / RELAXATION;
 
 impl<C: Copy + Into<f32>, A, F: Fn(&Ray, f32) -> A> NullaryFnOnce for March<'_, C, A, F> {
     type Output = ();
@@ -140,7 +136,6 @@ impl<C: Copy + Into<f32>, A, F: Fn(&Ray, f32) -> A> NullaryFnOnce for March<'_, 
             direction: Vectors::ZERO,
             t: [0.0; LANES],
             t_max: [f32::INFINITY; LANES],
-            relaxed: [false; LANES],
             slack: [0.0; LANES],
             previous: [0.0; LANES],
             step: [0.0; LANES],
@@ -165,7 +160,7 @@ impl<C: Copy + Into<f32>, A, F: Fn(&Ray, f32) -> A> NullaryFnOnce for March<'_, 
                         lanes.origin.set(lane, origin);
                         lanes.direction.set(lane, direction);
                         (lanes.t[lane], lanes.t_max[lane]) = (t_min, t_max);
-                        (lanes.relaxed[lane], lanes.slack[lane]) = (true, slack);
+                        lanes.slack[lane] = slack;
                         (lanes.previous[lane], lanes.step[lane], lanes.evaluations[lane]) = (0.0, 0.0, 0);
                         at_work += 1;
                         next += 1;
@@ -224,11 +219,10 @@ fn step<C: Copy + Into<f32>>(
         let here: [f32; 8] = std::array::from_fn(|corner| corners[corner][lane]);
         let distance = grid.interpolate(&here, fraction.get(lane), squared[lane]);
         let (previous, last_step) = (lanes.previous[lane], lanes.step[lane]);
-        let back = lanes.relaxed[lane] & (previous + distance < last_step) & (last_step > LEAST_STEP);
+        let back = (last_step > previous) & (previous + distance < last_step) & (last_step > LEAST_STEP);
         let slack = lanes.slack[lane] * (1.0 - lanes.t[lane] / slack_reach).max(0.0);
         let met = !back & (distance < GRID_THRESHOLD - slack);
-        let relaxed = !back & (previous - distance <= STEEPEST * last_step);
-        let step = (if relaxed { distance * RELAXATION } else { distance }).max(LEAST_STEP);
+        let step = (distance * adapted(distance, previous, last_step, RELAXATION)).max(LEAST_STEP);
         let t = lanes.t[lane]
             + if back {
                 previous - last_step
@@ -240,7 +234,6 @@ fn step<C: Copy + Into<f32>>(
         lanes.evaluations[lane] += 1;
         lanes.step[lane] = if back { previous } else { step };
         lanes.previous[lane] = if back { previous } else { distance };
-        lanes.relaxed[lane] = relaxed;
         hit[lane] = met;
         over[lane] = met | !(t < lanes.t_max[lane]) | (lanes.evaluations[lane] >= MAX_STEPS);
         lanes.t[lane] = t;

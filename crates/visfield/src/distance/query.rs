@@ -18,7 +18,7 @@ pub const LEAST_STEP: f32 = 0.25;
 /// Most steps of such a ray.
 pub const MAX_STEPS: u32 = 64;
 /// ω of their over-relaxation.
-pub const RELAXATION: f32 = 1.4;
+pub const RELAXATION: f32 = 1.6;
 
 /// A ray whose direction has length 1, and the part of it that can hit anything.
 #[derive(Clone, Copy, Debug)]

@@ -31,7 +31,7 @@ const SLACK: f32 = 2.0;
 const SLACK_REACH: f32 = 4.8;
 const LEAST_STEP: f32 = 0.25;
 const MAX_STEPS: u32 = 64u;
-const RELAXATION: f32 = 1.4;
+const RELAXATION: f32 = 1.6;
 
 struct GridPlace {
     index: u32,

@@ -42,6 +42,16 @@ fn meets(settings: SphereTracing, radius: f32, t: f32) -> bool {
     return radius < tolerance(settings, t) - settings.slack * max(1.0 - t / settings.slack_reach, 0.0);
 }
 
+const FIRST_RATE: f32 = -0.5;
+
+fn adapted(radius: f32, previous: f32, step: f32, most: f32) -> f32 {
+    var rate = FIRST_RATE;
+    if step > 0.0 {
+        rate = (radius - previous) / step;
+    }
+    return min(max(1.9 / max(1.0 - rate, 0.5), 1.0), most);
+}
+
 fn sphere_trace(
     source: DistanceSource,
     origin: vec3<f32>,
@@ -50,8 +60,7 @@ fn sphere_trace(
     t_max: f32,
     settings: SphereTracing,
 ) -> Traced {
-    var relaxed = settings.relaxation > 1.0;
-    let steepest = (2.0 - settings.relaxation) / settings.relaxation;
+    var relaxation = settings.relaxation;
     var traced = Traced(false, t_min, 0.0, 0u);
     var t = t_min;
     var previous = 0.0;
@@ -65,14 +74,14 @@ fn sphere_trace(
             sign = -1.0;
         }
         let radius = sign * signed;
-        if relaxed && previous + radius < step && step > settings.least_step {
+        if step > previous && previous + radius < step && step > settings.least_step {
             t += previous - step;
             step = previous;
-            relaxed = false;
+            relaxation = 1.0;
             continue;
         }
-        if settings.adaptive && settings.relaxation > 1.0 {
-            relaxed = previous - radius <= steepest * step;
+        if settings.adaptive {
+            relaxation = adapted(radius, previous, step, settings.relaxation);
         }
         let relative = radius / tolerance(settings, t);
         if relative < nearest || settings.exhausted == EXHAUSTED_LAST {
@@ -84,7 +93,7 @@ fn sphere_trace(
             traced.hit = true;
             break;
         }
-        step = max(select(radius, radius * settings.relaxation, relaxed), settings.least_step);
+        step = max(radius * relaxation, settings.least_step);
         previous = radius;
         t += step;
     }
