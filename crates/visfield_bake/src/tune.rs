@@ -69,6 +69,7 @@ pub enum TuneReceivers {
 /// assert!(question.ambient && question.max_rms.is_none());
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::struct_excessive_bools, reason = "each of them is a question of its own, and any of them go together")]
 pub struct TuneQuestion {
     /// Largest [`Measured::rms_255`] of anything that is required, 0 to [`WORST_RMS`]. Alone: the smallest field that
     /// reaches it.

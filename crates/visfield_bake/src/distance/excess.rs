@@ -23,7 +23,9 @@ pub(super) fn largest_at_surface(grid: &DistanceGrid, triangles: &[[Vec3; 3]]) -
     let largest = at_centers.reduce(|| 0.0, f32::max);
     let bounds = triangles.par_chunks(CHUNK).map(|triangles| {
         let mut search = Search { grid, largest, bound: largest, pending: Vec::new() };
-        triangles.iter().for_each(|triangle| search.add(*triangle));
+        for triangle in triangles {
+            search.add(*triangle);
+        }
         search.bound
     });
     bounds.reduce(|| largest, f32::max)
