@@ -2,6 +2,7 @@
 
 mod caps;
 mod device;
+mod estimators;
 mod frame;
 mod layout;
 mod lookup;
