@@ -1,6 +1,7 @@
 //! `visfield measure`: what a field costs and what it gets wrong, against exact rays.
 
 mod gpu;
+mod thesis;
 
 use std::path::{Path, PathBuf};
 
@@ -22,6 +23,7 @@ use visfield_bake::measure::{
 use visfield_bake::{BakeError, Mesh, read_meshes};
 
 use self::gpu::{OnGpu, PaperOnGpu};
+use self::thesis::Thesis;
 use super::settings::{FieldArguments, one_representation, points};
 use super::{CommandError, check_output};
 
@@ -42,6 +44,7 @@ enum What {
     Many(Objects),
     Gpu(OnGpu),
     Paper2010(PaperOnGpu),
+    Paper2012(Thesis),
 }
 
 #[derive(Debug, Args)]
@@ -299,6 +302,7 @@ impl Arguments {
             What::Many(arguments) => arguments.run(),
             What::Gpu(arguments) => arguments.run(),
             What::Paper2010(arguments) => arguments.run(),
+            What::Paper2012(arguments) => arguments.run(),
         }
     }
 }

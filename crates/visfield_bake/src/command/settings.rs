@@ -158,6 +158,7 @@ impl FieldArguments {
             BoundsName::Ellipsoid => BoundsKind::Ellipsoid,
         };
         BakeSettings {
+            distance: None,
             bounds,
             table: representation.iter().find_map(|&name| table.format(name)),
             cap_grid: representation.contains(&RepresentationName::CapGrid).then(|| cap_grid.format()),

@@ -14,6 +14,7 @@ use super::gpu::GpuMeasurement;
 use super::many::Many;
 use super::paper2008::Paper2008;
 use super::paper2010::Paper2010;
+use super::paper2012::Paper2012;
 use super::picture::Pictures;
 use super::shadow::ShadowMeasurement;
 use super::tradeoff::Tradeoff;
@@ -63,10 +64,12 @@ pub enum MeasurementDocument {
     Gpu(Box<GpuMeasurement>),
     /// The figures of the 2010 paper, on a GPU.
     Paper2010(Box<Paper2010>),
+    /// The estimators of the 2012 thesis.
+    Paper2012(Box<Paper2012>),
 }
 
 /// The names of [`MeasurementDocument`]'s variants, as `kind` has them.
-const KINDS: [&str; 7] = ["ambient", "shadow", "paper2008", "tradeoff", "many", "gpu", "paper2010"];
+const KINDS: [&str; 8] = ["ambient", "shadow", "paper2008", "tradeoff", "many", "gpu", "paper2010", "paper2012"];
 
 #[derive(Serialize)]
 struct Versioned<'a> {

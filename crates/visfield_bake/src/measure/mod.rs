@@ -3,7 +3,7 @@
 //! [`scene`] says where occlusion is measured, [`ambient`] measures it, [`caps`] has what is different without
 //! rays, [`shadow`] measures soft shadows.
 //! With the feature `command`, [`many`] combines several objects, [`tradeoff`] compares many fields, [`paper2008`] repeats a paper's experiments, [`gpu`] measures
-//! on a GPU, [`paper2010`] repeats those of another paper there, [`picture`] draws what was measured, and [`document`] keeps it in files.
+//! on a GPU, [`paper2010`] repeats those of another paper there, [`paper2012`] compares estimators over distances, [`picture`] draws what was measured, and [`document`] keeps it in files.
 
 pub mod ambient;
 pub mod caps;
@@ -17,6 +17,8 @@ pub mod many;
 pub mod paper2008;
 #[cfg(feature = "command")]
 pub mod paper2010;
+#[cfg(feature = "command")]
+pub mod paper2012;
 #[cfg(feature = "command")]
 pub mod picture;
 #[cfg(feature = "command")]

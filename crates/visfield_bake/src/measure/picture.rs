@@ -125,7 +125,7 @@ impl CornerView {
 }
 
 /// A PNG in base64.
-fn png(picture: &GrayImage) -> String {
+pub(super) fn png(picture: &GrayImage) -> String {
     let mut bytes = Cursor::new(Vec::new());
     picture.write_to(&mut bytes, ImageFormat::Png).expect("memory takes any picture");
     BASE64_STANDARD.encode(bytes.into_inner())

@@ -172,7 +172,8 @@ impl<'a> Compared<'a> {
             | MeasurementDocument::Tradeoff(_)
             | MeasurementDocument::Many(_)
             | MeasurementDocument::Gpu(_)
-            | MeasurementDocument::Paper2010(_) => None,
+            | MeasurementDocument::Paper2010(_)
+            | MeasurementDocument::Paper2012(_) => None,
         }
     }
 }
