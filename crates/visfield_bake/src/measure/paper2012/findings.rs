@@ -128,7 +128,9 @@ impl Paper2012 {
                 "",
             ));
         }
-        let meshes: Vec<&str> = self.scenes().into_iter().skip(2).collect();
+        // Each by itself, as it is aimed at.
+        let alone = |(index, scene)| (index == 2 || index > 3).then_some(scene);
+        let meshes: Vec<&str> = self.scenes().into_iter().enumerate().filter_map(alone).collect();
         let each = meshes.iter().map(|scene| {
             let of = |place| average(&Self::means(&self.shadows, names::CONES, place, Some(scene)));
             (of(Place::Ground), format!("{scene} {:.4} (on it {:.4})", of(Place::Ground), of(Place::Objects)))
@@ -140,7 +142,7 @@ impl Paper2012 {
                 "Aimed at: cones on the ground at most {SHADOW_TARGET}, for a light of 5\u{b0} and a grid of 64\u{b3}. Here, {}.",
                 texts.join(", ")
             ),
-            "a coarser grid, or a larger light.",
+            "a coarser grid or another light; up to 0.04 is aimed at for thinner meshes, such as a cow.",
         ));
         findings
     }

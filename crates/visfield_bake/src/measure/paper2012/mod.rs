@@ -264,9 +264,8 @@ impl Paper2012 {
 
     fn draw(&mut self, scene: &Scene, question: &Paper2012Question, spheres: &Spheres) {
         let question = Paper2012Question { rays: question.picture_rays, ..question.clone() };
-        let View { receivers, grounded, .. } = View::new(scene);
         let view = View::new(scene);
-        let bench = Bench::at(scene, &question, receivers, grounded);
+        let bench = Bench::at(scene, &question, view.receivers.clone(), view.grounded);
         let mut add = |estimator: &str, exact: &[f32], found: &[f32]| {
             self.pictures.push(EstimatorPictures {
                 scene: scene.name.clone(),

@@ -21,7 +21,7 @@ const GROUND_SIZE: f64 = 5.0;
 /// How far its centre is from below the first object, along x and z: away from the light, where shadows fall.
 const GROUND_SHIFT: f64 = -0.8;
 /// Half the side of the ground that exact rays meet.
-const GROUND_HALF: f32 = 40.0;
+const GROUND_HALF: f32 = 100.0;
 /// Quads along each edge of what triangles make of balls and boxes.
 const CUBE_SIDE: u32 = 24;
 /// Half the edges of the box.
@@ -56,10 +56,11 @@ fn cube(name: &str, place: impl Fn(Vec3) -> Vec3) -> Mesh {
     let row = CUBE_SIDE + 1;
     for (normal, across) in [(Vec3::X, Vec3::Y), (Vec3::Y, Vec3::Z), (Vec3::Z, Vec3::X)] {
         for side in [1.0, -1.0] {
+            // Turned with the side, so that all triangles wind the same way around.
             let (normal, along) = (normal * side, normal.cross(across));
             let first = mesh.positions.len() as u32;
             let at = |i: u32| i as f32 / CUBE_SIDE as f32 * 2.0 - 1.0;
-            let points = (0..row * row).map(|i| normal + across * at(i % row) + along * at(i / row));
+            let points = (0..row * row).map(|i| normal + across * (at(i % row) * side) + along * at(i / row));
             mesh.positions.extend(points.map(|point| place(point).to_array()));
             for corner in (0..CUBE_SIDE * CUBE_SIDE).map(|i| first + i / CUBE_SIDE * row + i % CUBE_SIDE) {
                 let [a, b, c, d] = [corner, corner + 1, corner + row + 1, corner + row];

@@ -52,7 +52,16 @@ impl Paper2012 {
 /// A row for the ground and what stands there.
 fn cells(errors: &[EstimatorError]) -> Cells {
     let mut table = Cells::new(&[
-        "scene", "estimator", "ground: mean", "RMS", "bias", "max", "objects: mean", "RMS", "bias", "max",
+        "scene",
+        "estimator",
+        "ground: mean",
+        "RMS",
+        "bias",
+        "max",
+        "objects: mean",
+        "RMS",
+        "bias",
+        "max",
     ]);
     for pair in errors.chunks_exact(2) {
         debug_assert!(pair[0].place == Place::Ground && pair[1].place == Place::Objects, "one of each");
