@@ -13,8 +13,8 @@ const WIDTH: u32 = 400;
 /// Height of the pictures in pixels.
 const HEIGHT: u32 = 300;
 /// Where the camera is, and where it looks, in radii of the first object.
-const EYE: DVec3 = DVec3::new(1.6, 2.6, 4.6);
-const TARGET: DVec3 = DVec3::new(-0.1, 0.65, -0.25);
+const EYE: DVec3 = DVec3::new(-3.7, 2.7, 3.2);
+const TARGET: DVec3 = DVec3::new(-0.3, 0.6, -0.3);
 /// Half the picture's width at distance 1.
 const HALF_WIDTH: f64 = 0.42;
 
