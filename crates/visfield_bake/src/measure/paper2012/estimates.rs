@@ -106,7 +106,8 @@ impl<'a> Bench<'a> {
 
     /// A few rays over the scene's distance, sphere-traced.
     pub(super) fn traced(&self, falloff: Falloff) -> Occlusion {
-        let tracing = SphereTracing { threshold: THRESHOLD, ..SphereTracing::default() };
+        // Rays that graze the ground meet it far away.
+        let tracing = SphereTracing { threshold: THRESHOLD, max_steps: 256, ..SphereTracing::default() };
         let distance = |position| self.scene.distance(position);
         self.each(|index, receiver| {
             let directions = hemisphere_directions(receiver, index, self.question.few_rays);
