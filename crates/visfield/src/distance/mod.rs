@@ -3,7 +3,8 @@
 //! A [`DistanceField`] says at any point how far the nearest surface is, negative inside: a [`DistanceGrid`] that a mesh was baked
 //! to, or a [shape](crate::shape) in closed form, which needs no baking. [`sphere_trace`] follows rays through either by steps that
 //! the distance allows, [`query`] answers the rays of a [`VisibilityField`](crate::VisibilityField) so, and [`cone`] finds how
-//! much of a small light a surface sees in one march, without noise.
+//! much of a small light a surface sees in a few marches, without noise. [`covers`] antialiases what is drawn by rays, and
+//! [`estimators`] has the cheap ones of the thesis, to be compared with.
 //!
 //! The method follows Tomczak, *GPU Ray Marching of Distance Fields* (2012), and Keinert et al., *Enhanced Sphere Tracing*
 //! (2014); where this crate deviates, the item says so.
@@ -14,6 +15,8 @@
 
 mod batch;
 pub mod cone;
+pub mod covers;
+pub mod estimators;
 mod grid;
 pub mod query;
 mod solid;

@@ -74,11 +74,18 @@ pub struct CapSettings {
     pub max_distance: f32,
     /// How objects count by their distance up to there, in the mean over their depth.
     pub falloff: Falloff,
+    /// How near to the receiver surfaces do not count, of what is answered by cones.
+    pub bias: Bias,
 }
 
 impl Default for CapSettings {
     fn default() -> Self {
-        Self { combination: CapCombination::default(), max_distance: f32::INFINITY, falloff: Falloff::Binary }
+        Self {
+            combination: CapCombination::default(),
+            max_distance: f32::INFINITY,
+            falloff: Falloff::Binary,
+            bias: Bias::default(),
+        }
     }
 }
 
@@ -174,7 +181,13 @@ impl<'a> CapOccluder<'a> {
 
     /// How much of a disc of the sky it hides, from 0 to 1, less what is left to rays: as [`CapGrid::light_occlusion`] has it, or
     /// [a cone](crate::distance::cone). Where the scale is uneven, the disc is taken for one of the same size in the mesh's space.
-    pub(super) fn light_occlusion(&self, source: OcclusionSource, receiver: &ConeReceiver, disc: &ConeDisc) -> f32 {
+    pub(super) fn light_occlusion(
+        &self,
+        source: OcclusionSource,
+        receiver: &ConeReceiver,
+        disc: &ConeDisc,
+        bias: Bias,
+    ) -> f32 {
         let (mut occlusion, mut share_of_cones) = (0.0, source.share_of_cones(|| 0.0));
         if let Some((cap, grid)) = self.grid.filter(|_| source.has_caps()) {
             let map = cap.cap_from_world;
@@ -184,7 +197,7 @@ impl<'a> CapOccluder<'a> {
             occlusion = above_cutoff(grid.light_occlusion(local, axis, disc.tangent.atan()) * left);
         }
         if let Some(cones) = self.cones.filter(|_| share_of_cones > 0.0) {
-            occlusion += share_of_cones * cones.occlusion(receiver, disc);
+            occlusion += share_of_cones * cones.occlusion(receiver, disc, bias);
         }
         occlusion
     }
@@ -439,7 +452,7 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
                             tangent: cone_tangent(K),
                             distance: f32::INFINITY,
                         };
-                        let hidden = share * cones.occlusion(&receiver, &disc);
+                        let hidden = share * cones.edge_occlusion(&receiver, &disc, settings.bias);
                         soft[k][lane] = (soft[k][lane] + hidden).min(1.0);
                         sum += hidden;
                     }

@@ -6,9 +6,10 @@
 use glam::{Affine3A, Mat3, Vec3};
 
 use crate::distance::DistanceField;
-use crate::distance::cone::{disc_occlusion, horizon_share};
+use crate::distance::cone::LightCone;
 use crate::field::VisibilityField;
 use crate::field::cap_grid::cap::{CONTACT_REACH, contact_occlusion};
+use crate::field::query::Bias;
 use crate::scene::{Placement, mapped_normal};
 
 /// Reach of the differences that tell where a surface faces, in units of the distances: a voxel of a grid.
@@ -50,13 +51,14 @@ pub struct ConeDisc {
 /// ```
 /// use glam::{DAffine3, DVec3, Vec3, dvec3};
 /// use visfield::estimate::cones::{ConeDisc, ConeOccluder, ConeReceiver};
+/// use visfield::field::query::Bias;
 /// use visfield::{VisibilityField, scene::Placement, shape::Shape};
 /// let ball = VisibilityField::of_shape(Shape::Sphere { radius: 1.0 })?;
 /// let above = DAffine3::from_translation(dvec3(0.0, 3.0, 0.0));
 /// let placement = Placement::new(&ball.header().bounds, above, DVec3::ZERO).unwrap();
 /// let occluder = ConeOccluder::new(&placement, &ball).unwrap();
 /// let sun = ConeDisc { direction: Vec3::Y, tangent: 0.01, distance: f32::INFINITY };
-/// let hidden = |x| occluder.occlusion(&ConeReceiver { position: Vec3::X * x, normal: Vec3::Y }, &sun);
+/// let hidden = |x| occluder.occlusion(&ConeReceiver { position: Vec3::X * x, normal: Vec3::Y }, &sun, Bias::default());
 /// assert_eq!((hidden(0.0), hidden(2.0)), (1.0, 0.0));
 /// # Ok::<(), visfield::FieldError>(())
 /// ```
@@ -75,18 +77,26 @@ impl<'a> ConeOccluder<'a> {
 
     /// How much of a disc it hides, of what is above the receiver's horizon, from 0 to 1. Where the scale is uneven, the disc is
     /// taken for a round one that is as large.
-    pub fn occlusion(&self, receiver: &ConeReceiver, disc: &ConeDisc) -> f32 {
+    pub fn occlusion(&self, receiver: &ConeReceiver, disc: &ConeDisc, bias: Bias) -> f32 {
+        let (position, normal, cone) = self.seen(receiver, disc);
+        self.distance.cone_occlusion(position, normal, &cone, bias)
+    }
+
+    /// The same by one edge, for ambient occlusion.
+    pub(super) fn edge_occlusion(&self, receiver: &ConeReceiver, disc: &ConeDisc, bias: Bias) -> f32 {
+        let (position, normal, cone) = self.seen(receiver, disc);
+        self.distance.edge_occlusion(position, normal, &cone, bias)
+    }
+
+    /// Receiver and disc in the space of the distances.
+    fn seen(&self, receiver: &ConeReceiver, disc: &ConeDisc) -> (Vec3, Vec3, LightCone) {
         let map = &self.distance_from_world;
         let along = map.transform_vector3(disc.direction);
         let length = along.length();
         let volume = Mat3::from(map.matrix3).determinant().abs();
         let tangent = disc.tangent * (volume / (length * length * length)).sqrt();
-        let direction = along / length;
-        let normal = mapped_normal(map, receiver.normal);
-        let position = map.transform_point3(receiver.position);
-        let visible = self.distance.cone_visible(position, normal, direction, tangent, disc.distance * length);
-        let above = horizon_share(normal.dot(direction) / tangent);
-        1.0 - ((1.0 - disc_occlusion(visible)) / above).min(1.0)
+        let cone = LightCone { direction: along / length, tangent, t_light: disc.distance * length };
+        (map.transform_point3(receiver.position), mapped_normal(map, receiver.normal), cone)
     }
 
     /// The contact term of a receiver: what a cap grid's few numbers miss where the surface is near (DESIGN §4).

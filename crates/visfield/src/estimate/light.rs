@@ -258,7 +258,7 @@ impl LightView {
 }
 
 /// Two unit vectors across a unit vector and each other (Duff et al. 2017, *Building an Orthonormal Basis, Revisited*).
-fn orthonormal_pair(axis: Vec3) -> [Vec3; 2] {
+pub(crate) fn orthonormal_pair(axis: Vec3) -> [Vec3; 2] {
     let sign = if axis.z >= 0.0 { 1.0 } else { -1.0 };
     let a = -1.0 / (sign + axis.z);
     let b = axis.x * axis.y * a;

@@ -38,6 +38,8 @@ pub use view::OcclusionView;
 pub const FIELD_SOURCE: &str = concat!(include_str!("../shaders/bias.wgsl"), include_str!("../shaders/field.wgsl"));
 /// `shape_distance` over `pool`, as [`FIELD_SOURCE`] has it: the distance to a [shape](crate::shape) whose nodes are in it.
 pub const SHAPE_SOURCE: &str = include_str!("../shaders/shape.wgsl");
+/// The [cheap estimators](crate::distance::estimators) over `field_distance`, which the including shader declares.
+pub const ESTIMATORS_SOURCE: &str = include_str!("../shaders/estimators.wgsl");
 const BIAS_SOURCE: &str = include_str!("../shaders/bias.wgsl");
 const DISTANCE_SOURCE: &str = include_str!("../shaders/distance.wgsl");
 const SPHERE_TRACE_SOURCE: &str = include_str!("../shaders/sphere_trace.wgsl");

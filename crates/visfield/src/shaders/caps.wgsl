@@ -320,7 +320,7 @@ fn ambient(receiver: Receiver, list: List) -> Ambient {
             var sum = 0.0;
             for (var k = 0u; k < DIRECTIONS; k++) {
                 let disc = ConeDisc(directions[k], tangent, ENDLESS);
-                let hidden = share * cone_occlusion(i, receiver.position, receiver.normal, disc);
+                let hidden = share * edge_occlusion(cone_start(i, receiver.position, receiver.normal, disc));
                 soft[k] = min(soft[k] + hidden, 1.0);
                 sum += hidden;
             }
@@ -430,7 +430,7 @@ fn light_visibility(receiver: Receiver, list: List, l: u32) -> f32 {
             occlusion = above_cutoff(caps_light_occlusion(i, receiver.position, disc) * left);
         }
         if of_cones > 0.0 {
-            occlusion += of_cones * cone_occlusion(i, receiver.position, receiver.normal, disc);
+            occlusion += of_cones * cone_occlusion(cone_start(i, receiver.position, receiver.normal, disc));
         }
         visibility *= 1.0 - occlusion;
     }

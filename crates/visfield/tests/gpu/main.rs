@@ -3,6 +3,7 @@
 mod caps;
 mod device;
 mod distances;
+mod estimators;
 mod frame;
 mod layout;
 mod lookup;

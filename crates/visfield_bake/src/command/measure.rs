@@ -2,6 +2,7 @@
 
 mod distance;
 mod gpu;
+mod thesis;
 
 use std::path::{Path, PathBuf};
 
@@ -25,6 +26,7 @@ use visfield_bake::{BakeError, Mesh, read_meshes};
 
 use self::distance::Distances;
 use self::gpu::{OnGpu, PaperOnGpu};
+use self::thesis::Thesis;
 use super::settings::{FieldArguments, one_representation, points};
 use super::{CommandError, check_output};
 
@@ -46,6 +48,7 @@ enum What {
     Many(Objects),
     Gpu(OnGpu),
     Paper2010(PaperOnGpu),
+    Paper2012(Thesis),
     Paper2014(SphereTracingPaper),
 }
 
@@ -326,6 +329,7 @@ impl Arguments {
             What::Many(arguments) => arguments.run(),
             What::Gpu(arguments) => arguments.run(),
             What::Paper2010(arguments) => arguments.run(),
+            What::Paper2012(arguments) => arguments.run(),
             What::Paper2014(arguments) => arguments.run(),
         }
     }

@@ -15,6 +15,7 @@ use super::gpu::GpuMeasurement;
 use super::many::Many;
 use super::paper2008::Paper2008;
 use super::paper2010::Paper2010;
+use super::paper2012::Paper2012;
 use super::paper2014::Paper2014;
 use super::picture::Pictures;
 use super::shadow::ShadowMeasurement;
@@ -67,13 +68,15 @@ pub enum MeasurementDocument {
     Gpu(Box<GpuMeasurement>),
     /// The figures of the 2010 paper, on a GPU.
     Paper2010(Box<Paper2010>),
+    /// The estimators of the 2012 thesis.
+    Paper2012(Box<Paper2012>),
     /// The claims of the 2014 paper on sphere tracing.
     Paper2014(Box<Paper2014>),
 }
 
 /// The names of [`MeasurementDocument`]'s variants, as `kind` has them.
-const KINDS: [&str; 9] =
-    ["ambient", "shadow", "distance", "paper2008", "tradeoff", "many", "gpu", "paper2010", "paper2014"];
+const KINDS: [&str; 10] =
+    ["ambient", "shadow", "distance", "paper2008", "tradeoff", "many", "gpu", "paper2010", "paper2012", "paper2014"];
 
 #[derive(Serialize)]
 struct Versioned<'a> {

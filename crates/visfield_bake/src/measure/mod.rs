@@ -4,8 +4,8 @@
 //! rays, [`shadow`] measures soft shadows.
 //! With the feature `command`, [`distance`] compares distances themselves with exact ones, [`many`] combines several objects,
 //! [`tradeoff`] compares many fields, [`paper2008`] repeats a paper's experiments, [`gpu`] measures on a GPU, [`paper2010`] repeats
-//! those of another paper there, [`paper2014`] those on sphere tracing, [`picture`] draws what was measured, and [`document`] keeps it
-//! in files.
+//! those of another paper there, [`paper2012`] compares estimators over distances, [`paper2014`] the ways of sphere tracing,
+//! [`picture`] draws what was measured, and [`document`] keeps it in files.
 
 pub mod ambient;
 pub mod caps;
@@ -23,6 +23,7 @@ pub mod paper2008;
 #[cfg(feature = "command")]
 pub mod paper2010;
 #[cfg(feature = "command")]
+pub mod paper2012;
 pub mod paper2014;
 #[cfg(feature = "command")]
 pub mod picture;

@@ -109,7 +109,8 @@ impl Corner {
     }
 }
 
-fn own_surface(mesh: &Mesh, side: usize) -> Result<Vec<Receiver>, MeshError> {
+/// The centres of up to 3 × `side`² triangles.
+pub(super) fn own_surface(mesh: &Mesh, side: usize) -> Result<Vec<Receiver>, MeshError> {
     let triangles = mesh.solid_triangles()?;
     let step = triangles.len().div_ceil(3 * side * side);
     // The triangle's own normal: smooth shading would be another surface.

@@ -182,6 +182,7 @@ impl<'a> Compared<'a> {
             | MeasurementDocument::Many(_)
             | MeasurementDocument::Gpu(_)
             | MeasurementDocument::Paper2010(_)
+            | MeasurementDocument::Paper2012(_)
             | MeasurementDocument::Paper2014(_) => None,
         }
     }

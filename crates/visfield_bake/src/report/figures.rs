@@ -9,6 +9,7 @@ use crate::measure::many::Many;
 use crate::measure::paper2008::published::{FIGURE6, FIGURE8, PublishedCell};
 use crate::measure::paper2008::{Finding, Model, Paper2008, TableSize};
 use crate::measure::paper2010::Paper2010;
+use crate::measure::paper2012::Paper2012;
 use crate::measure::paper2014::Paper2014;
 use crate::measure::table::count;
 use crate::measure::tradeoff::{FOOTNOTE, Tradeoff, TradeoffPoint};
@@ -83,6 +84,20 @@ pub(super) fn paper2010(paper: &Paper2010) -> Markup {
             h3 { (title) }
             (table(&cells))
             (findings(&found))
+        }
+    }
+}
+
+pub(super) fn paper2012(paper: &Paper2012) -> Markup {
+    html! {
+        p { (paper.summary()) }
+        @for (title, cells, found) in paper.figures() {
+            h3 { (title) }
+            (table(&cells))
+            (findings(&found))
+        }
+        @for drawn in &paper.pictures {
+            (pictures(&drawn.pictures, &format!("{}: {}", drawn.scene, drawn.estimator), true))
         }
     }
 }

@@ -67,6 +67,7 @@ fn mesh(document: &MeasurementDocument) -> &str {
         MeasurementDocument::Many(many) => &many.mesh,
         MeasurementDocument::Gpu(gpu) => &gpu.mesh,
         MeasurementDocument::Paper2010(paper) => &paper.mesh,
+        MeasurementDocument::Paper2012(paper) => &paper.mesh,
         MeasurementDocument::Paper2014(paper) => &paper.mesh,
     }
 }
@@ -85,6 +86,7 @@ fn section(entry: &ReportEntry) -> Markup {
         MeasurementDocument::Many(many) => ("Several objects", figures::many(many)),
         MeasurementDocument::Gpu(gpu) => ("On a GPU", figures::gpu(gpu)),
         MeasurementDocument::Paper2010(paper) => ("The figures of the 2010 paper", figures::paper2010(paper)),
+        MeasurementDocument::Paper2012(paper) => ("The estimators of the 2012 thesis", figures::paper2012(paper)),
         MeasurementDocument::Paper2014(paper) => ("The claims of the 2014 paper", figures::paper2014(paper)),
     };
     html! {

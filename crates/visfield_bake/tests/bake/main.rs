@@ -10,6 +10,7 @@ mod example_assets;
 mod gpu;
 mod measure_report;
 mod own_surface;
+mod paper2012;
 mod paper2014;
 mod real_meshes;
 mod support;

@@ -152,6 +152,7 @@ impl TraceSettings {
             combination: self.caps.unwrap_or_default(),
             max_distance: self.max_distance,
             falloff: self.falloff,
+            bias: self.bias,
         }
     }
 

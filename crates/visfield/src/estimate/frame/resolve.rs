@@ -87,7 +87,7 @@ pub fn resolve(
                     && above_surface(to_center, radius, receiver.normal)
                     && view.meets(to_center, radius)
                 {
-                    *visibility *= 1.0 - cap.light_occlusion(source, &from, &disc);
+                    *visibility *= 1.0 - cap.light_occlusion(source, &from, &disc, settings.bias);
                 }
             }
         }
