@@ -1,0 +1,44 @@
+//! Surfaces without triangles: the zero set of a field's distances, drawn by sphere tracing within a box.
+//!
+//! An entity with an [`ImplicitSurface3d`] gets two children, both with a box for their mesh: one is drawn in the prepass and the opaque
+//! phase, and writes the depth of what its rays hit; the other one in the transparent phase, where it blends the pixels that the surface
+//! covers only partly over what lies behind ([`material`]).
+
+mod material;
+mod proxy;
+
+use bevy::prelude::*;
+
+use crate::asset::VisibilityField;
+
+/// Draws the surface of a field without triangles, lit as its `MeshMaterial3d<StandardMaterial>` says, if it has one: a shape or a grid of
+/// distances, found by sphere tracing. It has the right depth among meshes, takes part in the depth, normal and motion-vector
+/// prepasses, receives light, ambient occlusion and shadows as they do, and has smooth edges without multisampling.
+///
+/// It also casts: the entity gets a [`VisibilityField3d`](crate::VisibilityField3d) of the same field. Put
+/// [`NotFieldOccluder`](crate::NotFieldOccluder) on it to keep it from that. It casts into no shadow map.
+///
+/// Any invertible transform is fine, mirrored and non-uniform ones included. Textures of the material are not used: there are no
+/// coordinates for them. Nor is its transparency. The entity should have no `Mesh3d`, which would be drawn as well.
+///
+/// ```
+/// use bevy::prelude::*;
+/// use bevy_visfield::{ImplicitSurface3d, VisibilityField};
+/// fn ball(field: Handle<VisibilityField>, material: Handle<StandardMaterial>) -> impl Bundle {
+///     (ImplicitSurface3d(field), MeshMaterial3d(material), Transform::from_xyz(0.0, 1.0, 0.0))
+/// }
+/// ```
+#[derive(Component, Reflect, Clone, Debug, Default, PartialEq, Eq, Deref, DerefMut)]
+#[reflect(Component, Default, Clone, PartialEq)]
+#[require(Transform, Visibility)]
+pub struct ImplicitSurface3d(pub Handle<VisibilityField>);
+
+impl From<Handle<VisibilityField>> for ImplicitSurface3d {
+    fn from(handle: Handle<VisibilityField>) -> Self {
+        Self(handle)
+    }
+}
+
+pub(crate) fn plugin(app: &mut App) {
+    app.register_type::<ImplicitSurface3d>().add_plugins((material::plugin, proxy::plugin));
+}

@@ -1,0 +1,188 @@
+//! The boxes in which surfaces are drawn: children of the entities, kept in step with them.
+
+use std::collections::{HashMap, HashSet};
+
+use bevy::asset::RenderAssetUsages;
+use bevy::camera::visibility::RenderLayers;
+use bevy::light::{NotShadowCaster, NotShadowReceiver};
+use bevy::mesh::{Indices, MeshTag, PrimitiveTopology};
+use bevy::prelude::*;
+
+use super::ImplicitSurface3d;
+use super::material::{SurfaceMaterial, SurfaceUniform, edges, solid};
+use crate::asset::VisibilityField;
+use crate::components::VisibilityField3d;
+
+/// The boxes of a surface.
+#[derive(Component)]
+struct SurfaceBoxes([Entity; 2]);
+
+/// What the boxes of equal surfaces share, so that they are drawn together.
+#[derive(Clone)]
+struct SharedBoxes {
+    mesh: Handle<Mesh>,
+    materials: [Handle<SurfaceMaterial>; 2],
+}
+
+/// The field, and the material by which it is lit.
+type SharedKey = (AssetId<VisibilityField>, Option<AssetId<StandardMaterial>>);
+
+#[derive(Resource, Default)]
+struct AllSharedBoxes(HashMap<SharedKey, SharedBoxes>);
+
+pub(super) fn plugin(app: &mut App) {
+    app.init_resource::<AllSharedBoxes>().add_observer(remove_boxes).add_systems(
+        PostUpdate,
+        (cast, forget_changed, place_boxes, follow_surfaces).chain().before(TransformSystems::Propagate),
+    );
+}
+
+/// A surface casts what it shows.
+fn cast(mut commands: Commands, changed: Query<(Entity, &ImplicitSurface3d), Changed<ImplicitSurface3d>>) {
+    for (entity, surface) in &changed {
+        commands.entity(entity).try_insert(VisibilityField3d(surface.0.clone()));
+    }
+}
+
+/// Drops what was made of assets that changed or went.
+fn forget_changed(
+    mut fields: MessageReader<AssetEvent<VisibilityField>>,
+    mut materials: MessageReader<AssetEvent<StandardMaterial>>,
+    mut shared: ResMut<AllSharedBoxes>,
+) {
+    let fields: HashSet<_> = fields.read().filter_map(changed_asset).collect();
+    let materials: HashSet<_> = materials.read().filter_map(changed_asset).collect();
+    if !(fields.is_empty() && materials.is_empty()) {
+        let changed = |material: &Option<_>| material.is_some_and(|material| materials.contains(&material));
+        shared.0.retain(|(field, material), _| !fields.contains(field) && !changed(material));
+    }
+}
+
+fn changed_asset<A: Asset>(event: &AssetEvent<A>) -> Option<AssetId<A>> {
+    match event {
+        AssetEvent::Modified { id } | AssetEvent::Removed { id } => Some(*id),
+        _ => None,
+    }
+}
+
+/// Gives each surface whose assets have arrived its boxes.
+fn place_boxes(
+    mut commands: Commands,
+    fields: Res<Assets<VisibilityField>>,
+    standard: Res<Assets<StandardMaterial>>,
+    mut meshes: ResMut<Assets<Mesh>>,
+    mut materials: ResMut<Assets<SurfaceMaterial>>,
+    mut shared: ResMut<AllSharedBoxes>,
+    surfaces: Query<(Entity, &ImplicitSurface3d, Option<&MeshMaterial3d<StandardMaterial>>, Option<&SurfaceBoxes>)>,
+    boxes: Query<(&Mesh3d, &MeshMaterial3d<SurfaceMaterial>)>,
+) {
+    for (entity, surface, material, placed) in &surfaces {
+        let key = (surface.id(), material.map(|material| material.id()));
+        let made = shared.0.get(&key).cloned().or_else(|| {
+            let field = fields.get(surface.id())?;
+            let default = StandardMaterial::default();
+            let base = match material {
+                Some(material) => standard.get(material.id())?,
+                None => &default,
+            };
+            let uniform = uniform_of(field);
+            let made = SharedBoxes {
+                mesh: meshes.add(box_mesh(uniform.center, uniform.half_extents)),
+                materials: [solid(base, uniform), edges(base, uniform)].map(|material| materials.add(material)),
+            };
+            shared.0.insert(key, made.clone());
+            Some(made)
+        });
+        let Some(made) = made else { continue };
+        match placed {
+            None => {
+                let children = made.materials.clone().map(|material| {
+                    let surface_box = (Mesh3d(made.mesh.clone()), MeshMaterial3d(material), NotShadowCaster);
+                    commands.spawn((surface_box, ChildOf(entity))).id()
+                });
+                commands.entity(entity).try_insert(SurfaceBoxes(children));
+            }
+            Some(SurfaceBoxes(children)) => {
+                for (child, material) in children.iter().zip(&made.materials) {
+                    let as_it_should =
+                        boxes.get(*child).is_ok_and(|(mesh, old)| mesh.0 == made.mesh && old.0 == *material);
+                    if !as_it_should && let Ok(mut child) = commands.get_entity(*child) {
+                        child.try_insert((Mesh3d(made.mesh.clone()), MeshMaterial3d(material.clone())));
+                    }
+                }
+            }
+        }
+    }
+    let used: HashSet<SharedKey> = surfaces
+        .iter()
+        .map(|(_, surface, material, _)| (surface.id(), material.map(|material| material.id())))
+        .collect();
+    shared.0.retain(|key, _| used.contains(key));
+}
+
+/// Keeps what Bevy does not inherit in step.
+fn follow_surfaces(
+    mut commands: Commands,
+    surfaces: Query<(&SurfaceBoxes, Option<&RenderLayers>, Has<NotShadowReceiver>, Option<&MeshTag>)>,
+    boxes: Query<(Option<&RenderLayers>, Has<NotShadowReceiver>, Option<&MeshTag>)>,
+) {
+    for (SurfaceBoxes(children), layers, not_receiver, tag) in &surfaces {
+        for child in children {
+            let Ok((old_layers, was_not_receiver, old_tag)) = boxes.get(*child) else { continue };
+            if old_layers != layers {
+                match layers {
+                    Some(layers) => commands.entity(*child).try_insert(layers.clone()),
+                    None => commands.entity(*child).remove::<RenderLayers>(),
+                };
+            }
+            if was_not_receiver != not_receiver {
+                if not_receiver {
+                    commands.entity(*child).try_insert(NotShadowReceiver);
+                } else {
+                    commands.entity(*child).remove::<NotShadowReceiver>();
+                }
+            }
+            if old_tag.map(|tag| tag.0) != tag.map(|tag| tag.0) {
+                match tag {
+                    Some(tag) => commands.entity(*child).try_insert(tag.clone()),
+                    None => commands.entity(*child).remove::<MeshTag>(),
+                };
+            }
+        }
+    }
+}
+
+/// The boxes of what is no longer a surface go.
+fn remove_boxes(removed: On<Remove, ImplicitSurface3d>, mut commands: Commands, surfaces: Query<&SurfaceBoxes>) {
+    let Ok(SurfaceBoxes(children)) = surfaces.get(removed.entity) else { return };
+    for child in children {
+        if let Ok(mut child) = commands.get_entity(*child) {
+            child.try_despawn();
+        }
+    }
+    commands.entity(removed.entity).try_remove::<SurfaceBoxes>();
+}
+
+/// Where the surface of a field lies: in the box around its bounds.
+fn uniform_of(field: &VisibilityField) -> SurfaceUniform {
+    let bounds = field.header().bounds;
+    let axes = bounds.axes.map(Vec3::from);
+    let squares = axes.iter().fold(Vec3::ZERO, |sum, axis| sum + axis * axis);
+    let source = u32::from(field.header().name != "sphere");
+    SurfaceUniform { center: bounds.center.into(), source, half_extents: squares.map(f32::sqrt), padding: 0 }
+}
+
+/// A box of six faces with four corners each; the vertex shader places them by their number and needs no more than as many. The positions
+/// are those that Bevy culls by.
+fn box_mesh(center: Vec3, half_extents: Vec3) -> Mesh {
+    let corner = |index: u16| {
+        let sign = |bit: u16| if index & bit == 0 { -1.0 } else { 1.0 };
+        (center + half_extents * Vec3::new(sign(1), sign(2), sign(4))).to_array()
+    };
+    let positions: Vec<[f32; 3]> = (0..24).map(corner).collect();
+    let indices = (0..6).flat_map(|face: u16| [0, 1, 2, 0, 2, 3].map(|corner| 4 * face + corner)).collect();
+    Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
+        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
+        .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 1.0]; 24])
+        .with_inserted_indices(Indices::U16(indices))
+}
