@@ -14,6 +14,10 @@ struct Cone {
     // The radius of the pixel in units of the field: at the origin, and what it grows per world unit.
     radius: f32,
     growth: f32,
+    // Units of the field per world unit across the ray, as the radius has them: the most, where the transform stretches.
+    scale: f32,
+    stretched: bool,
+    local_from_world: mat3x3<f32>,
     // The part of the ray to look at, in world units.
     first: f32,
     last: f32,
@@ -41,8 +45,8 @@ struct Meeting {
 const MAX_STEPS: u32 = 160u;
 // As in the 2014 paper.
 const OVER_RELAXATION: f32 = 1.2;
-// Distances that fall faster than this along the ray, in units of the fastest, are those of a surface that faces the eye, however thin.
-const FACING_SLOPE: f32 = 0.5;
+// The cosine between the normals of a wall's two sides is less.
+const OPPOSITE: f32 = -0.7;
 // Brushes end where the ray leaves the outer cover, or has risen by so many radii.
 const BRUSH_RISE: f32 = 0.5;
 
@@ -52,6 +56,32 @@ fn cone_radius(cone: Cone, t: f32) -> f32 {
 
 fn cone_distance(cone: Cone, t: f32) -> f32 {
     return surface_distance(cone.origin + cone.direction * t);
+}
+
+// The width of the differences that gradients are taken from: half a pixel.
+fn gradient_width(cone: Cone, t: f32) -> f32 {
+    return max(0.5 * cone_radius(cone, t), least_gradient_width());
+}
+
+// The gradient of the distance, of unit length where the distance is one.
+fn surface_gradient(position: vec3<f32>, h: f32) -> vec3<f32> {
+    const a = vec3(1.0, -1.0, -1.0);
+    const b = vec3(-1.0, -1.0, 1.0);
+    const c = vec3(-1.0, 1.0, -1.0);
+    const d = vec3(1.0, 1.0, 1.0);
+    let sum = a * surface_distance(position + a * h) + b * surface_distance(position + b * h)
+        + c * surface_distance(position + c * h) + d * surface_distance(position + d * h);
+    return sum / (4.0 * h);
+}
+
+fn cone_gradient(cone: Cone, t: f32) -> vec3<f32> {
+    return surface_gradient(cone.origin + cone.direction * t, gradient_width(cone, t));
+}
+
+// The radius of the pixel in units of the field, towards the surface: what the distance changes by over a pixel.
+fn facing_radius(cone: Cone, t: f32) -> f32 {
+    let gradient = transpose(cone.local_from_world) * cone_gradient(cone, t);
+    return cone_radius(cone, t) * clamp(length(gradient) / cone.scale, 0.1, 1.0);
 }
 
 fn add_brush(meeting: ptr<function, Meeting>, brush: Brush) {
@@ -64,22 +94,51 @@ fn add_brush(meeting: ptr<function, Meeting>, brush: Brush) {
     }
 }
 
+// Whether the surfaces that are next to two places of a ray turn their backs on each other: what is between them is a wall, which covers
+// all of a pixel however thin it is, and not the outline of something that does not.
+fn opposite(cone: Cone, front: f32, back: f32) -> bool {
+    return dot(normalize(cone_gradient(cone, front)), normalize(cone_gradient(cone, back))) < OPPOSITE;
+}
+
+// Where a ray that starts inside has left the outer cover: from inside there is nothing to see, as with meshes of one side.
+fn leave(cone: Cone) -> f32 {
+    let per_unit = length(cone.direction);
+    var t = cone.first;
+    if cone_distance(cone, t) >= 0.0 {
+        return t;
+    }
+    for (var i = 0u; i < MAX_STEPS && t <= cone.last; i++) {
+        let distance = cone_distance(cone, t);
+        let radius = cone_radius(cone, t);
+        if distance >= radius {
+            return t;
+        }
+        t += max(abs(distance), 0.5 * radius) / per_unit;
+    }
+    return cone.last;
+}
+
 // Sphere traces the inner cover, with over-relaxation (section 3.1 of the 2014 paper).
 fn trace_covers(cone: Cone) -> Meeting {
-    var meeting = Meeting(false, cone.last, cone.first, 0u, Brush(0.0, 1.0), Brush(0.0, 1.0));
     let per_unit = length(cone.direction);
     var omega = OVER_RELAXATION;
-    var t = cone.first;
+    var t = leave(cone);
+    var meeting = Meeting(false, cone.last, t, 0u, Brush(0.0, 1.0), Brush(0.0, 1.0));
     var step = 0.0;
     var last_reach = 0.0;
-    var last_distance = 0.0;
+    var last_distance = 1.0e9;
     var last_height = 1.0e9;
     var last_t = t;
+    // The last place before it went inside.
+    var entry = t;
     var lowest = Brush(t, 1.0e9);
     var rising = false;
     for (var i = 0u; i < MAX_STEPS; i++) {
         let distance = cone_distance(cone, t);
-        let radius = cone_radius(cone, t);
+        var radius = cone_radius(cone, t);
+        if cone.stretched && abs(distance) < 2.0 * radius {
+            radius = facing_radius(cone, t);
+        }
         let reach = (distance + radius) / per_unit;
         if omega > 1.0 && abs(reach) + last_reach < step {
             // The spheres do not touch: there may be a surface between them. Back to where the first one ends.
@@ -89,12 +148,30 @@ fn trace_covers(cone: Cone) -> Meeting {
             continue;
         }
         let height = distance / radius;
-        let falls = last_distance - distance;
-        let faces = i > 0u && distance < 0.0 && last_distance > 0.0 && falls > FACING_SLOPE * (t - last_t) * per_unit;
-        if height <= -1.0 || faces {
+        if height <= -1.0 {
             meeting.hit = true;
             meeting.t = t;
+            meeting.outside = entry;
             return meeting;
+        }
+        let passed = (t - last_t) * per_unit;
+        if last_distance < 0.0 && distance >= 0.0 && opposite(cone, entry, t) {
+            // Through a wall.
+            meeting.hit = true;
+            meeting.t = select(lowest.t, last_t, lowest.height >= 0.0);
+            meeting.outside = entry;
+            return meeting;
+        }
+        if last_distance >= 0.0 && distance >= 0.0 && last_distance + distance < passed {
+            // There is room for a wall between the two places. If there is one, the nearest places on both its sides make similar
+            // triangles with it.
+            let between = mix(last_t, t, last_distance / max(last_distance + distance, 1.0e-30));
+            if cone_distance(cone, between) < 0.0 && opposite(cone, last_t, t) {
+                meeting.hit = true;
+                meeting.t = between;
+                meeting.outside = last_t;
+                return meeting;
+            }
         }
         if rising {
             if height < last_height - 0.05 {
@@ -108,7 +185,7 @@ fn trace_covers(cone: Cone) -> Meeting {
             rising = true;
         }
         if distance > 0.0 {
-            meeting.outside = t;
+            entry = t;
         }
         last_reach = abs(reach);
         last_distance = distance;
@@ -126,17 +203,6 @@ fn trace_covers(cone: Cone) -> Meeting {
     return meeting;
 }
 
-// The gradient of the distance, of unit length where the distance is one.
-fn surface_gradient(position: vec3<f32>, h: f32) -> vec3<f32> {
-    const a = vec3(1.0, -1.0, -1.0);
-    const b = vec3(-1.0, -1.0, 1.0);
-    const c = vec3(-1.0, 1.0, -1.0);
-    const d = vec3(1.0, 1.0, 1.0);
-    let sum = a * surface_distance(position + a * h) + b * surface_distance(position + b * h)
-        + c * surface_distance(position + c * h) + d * surface_distance(position + d * h);
-    return sum / (4.0 * h);
-}
-
 const CROSSING_STEPS: u32 = 6u;
 
 // Where the ray crosses the surface on its way to the inner cover: false position with the Illinois rule. It does what section 3.4 of the
@@ -148,7 +214,6 @@ fn crossing(cone: Cone, meeting: Meeting) -> f32 {
     var above = cone_distance(cone, outside);
     var below = cone_distance(cone, inside);
     if above <= 0.0 || below >= 0.0 {
-        // The eye is inside.
         return inside;
     }
     var side = 0;

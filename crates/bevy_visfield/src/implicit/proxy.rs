@@ -168,7 +168,8 @@ fn uniform_of(field: &VisibilityField) -> SurfaceUniform {
     let bounds = field.header().bounds;
     let axes = bounds.axes.map(Vec3::from);
     let squares = axes.iter().fold(Vec3::ZERO, |sum, axis| sum + axis * axis);
-    let source = u32::from(field.header().name != "sphere");
+    let placeholders = ["sphere", "torus", "block", "plate"];
+    let source = placeholders.iter().position(|name| *name == field.header().name).unwrap_or_default() as u32;
     SurfaceUniform { center: bounds.center.into(), source, half_extents: squares.map(f32::sqrt), padding: 0 }
 }
 

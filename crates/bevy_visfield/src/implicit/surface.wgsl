@@ -123,7 +123,12 @@ fn pixel_cone(pixel: vec2<f32>, ray: ViewRay, instance: u32) -> Cone {
     cone.direction = local_from_view * ray.direction;
     // Across the ray, the transform may stretch; the larger of two directions.
     let across = normalize(cross(ray.direction, vec3(0.0, 1.0, 0.1)));
-    let scale = max(length(local_from_view * across), length(local_from_view * cross(ray.direction, across)));
+    let stretches = vec2(length(local_from_view * across), length(local_from_view * cross(ray.direction, across)));
+    let scale = max(stretches.x, stretches.y);
+    cone.scale = scale;
+    let along = length(cone.direction);
+    cone.stretched = max(scale, along) > 1.02 * min(min(stretches.x, stretches.y), along);
+    cone.local_from_world = inverse;
     cone.radius = PIXEL_DISC * scale * distance(ray.origin, right.origin);
     cone.growth = PIXEL_DISC * scale * distance(ray.direction, right.direction);
     let half_extents = grown_half_extents(instance);
@@ -139,10 +144,9 @@ fn pixel_cone(pixel: vec2<f32>, ray: ViewRay, instance: u32) -> Cone {
     return cone;
 }
 
-// The width of the differences that normals are taken from.
-fn gradient_width(radius: f32) -> f32 {
-    let size = max(surface.half_extents.x, max(surface.half_extents.y, surface.half_extents.z));
-    return max(0.5 * radius, 1.0e-3 * size);
+// A surface is smooth at this scale, whatever the distance.
+fn least_gradient_width() -> f32 {
+    return 1.0e-3 * max(surface.half_extents.x, max(surface.half_extents.y, surface.half_extents.z));
 }
 
 fn view_depth(position: vec3<f32>) -> f32 {
@@ -180,7 +184,7 @@ fn fragment(in: Corner) -> PrepassOutput {
     var out: PrepassOutput;
     out.depth = view_depth(position);
 #ifdef NORMAL_PREPASS
-    let normal = mesh_functions::mesh_normal_local_to_world(surface_gradient(local, gradient_width(cone_radius(cone, t))), in.instance);
+    let normal = mesh_functions::mesh_normal_local_to_world(cone_gradient(cone, t), in.instance);
     // As in Bevy's own prepass with this plugin's flags.
     out.normal = vec4(normal * 0.5 + vec3(0.5), 1.0 - f32(mesh[in.instance].tag >> 30u) / 3.0);
 #endif
@@ -269,9 +273,13 @@ fn fragment(in: Corner) -> MainOutput {
         if i == 1u {
             brush = meeting.second;
         }
-        let width = gradient_width(cone_radius(cone, brush.t));
-        let gradient = surface_gradient(cone.origin + cone.direction * brush.t, width);
-        let coverage = disc_coverage(brush.height / max(length(gradient), 0.1));
+        let gradient = cone_gradient(cone, brush.t);
+        var height = brush.height;
+        if !cone.stretched {
+            // Distances may be bounds that grow more slowly.
+            height /= clamp(length(gradient), 0.1, 1.0);
+        }
+        let coverage = disc_coverage(height);
         if coverage < 1.0 / 255.0 {
             continue;
         }
@@ -323,7 +331,7 @@ fn fragment(in: Corner) -> MainOutput {
     // A little nearer than in a prepass, which may have rounded otherwise.
     let depth = view_depth(ray.origin + ray.direction * t) * (1.0 + 1.0e-6);
 #endif
-    let gradient = surface_gradient(local, gradient_width(radius));
+    let gradient = cone_gradient(cone, t);
     let normal = mesh_functions::mesh_normal_local_to_world(gradient, in.instance);
 #ifdef IMPLICIT_READS_PREPASS
 #ifdef NORMAL_PREPASS

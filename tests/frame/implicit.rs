@@ -1,0 +1,184 @@
+//! Surfaces without triangles against meshes of the same shape.
+
+use bevy::camera::ScalingMode;
+use bevy::core_pipeline::prepass::{DepthPrepass, MotionVectorPrepass, NormalPrepass};
+use bevy::prelude::*;
+use bevy_visfield::prelude::*;
+use image::RgbaImage;
+
+use crate::adapter;
+use crate::stage::{SIZE, Shading, Stage, ball_field};
+
+/// How the camera looks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Look {
+    Plain,
+    Deferred,
+    Orthographic,
+    /// So that the near plane cuts the ball's box.
+    Close,
+    /// Within the ball's box.
+    Within,
+    MotionVectors,
+    WithoutPrepass,
+    Multisampled,
+    MultisampledWithPrepass,
+    Stretched,
+    Mirrored,
+    OtherViewport,
+    Block,
+    Plate,
+}
+
+const LOOKS: [Look; 14] = [
+    Look::Plain,
+    Look::Deferred,
+    Look::Orthographic,
+    Look::Close,
+    Look::Within,
+    Look::MotionVectors,
+    Look::WithoutPrepass,
+    Look::Multisampled,
+    Look::MultisampledWithPrepass,
+    Look::Stretched,
+    Look::Mirrored,
+    Look::OtherViewport,
+    Look::Block,
+    Look::Plate,
+];
+
+/// The ball as a surface or as a mesh, `scale` times the size.
+fn picture(look: Look, implicit: bool, scale: u32) -> RgbaImage {
+    let ball = ball_field();
+    let name = match look {
+        Look::Block => "block",
+        Look::Plate => "plate",
+        _ => "sphere",
+    };
+    let header = visfield::FieldHeader { name: name.to_owned(), ..ball.header().clone() };
+    let field = visfield::VisibilityField::new(header, ball.parts().clone()).unwrap();
+    let shading = if look == Look::Deferred { Shading::Deferred } else { Shading::Forward };
+    let mut stage = Stage::with_field(shading, SIZE * scale, field);
+    let (ball, camera) = (stage.ball, stage.camera);
+    let block = stage.headless.app.world_mut().resource_mut::<Assets<Mesh>>().add(Cuboid::new(0.5, 2.0, 1.0));
+    let material = stage.entity(ball).get::<MeshMaterial3d<StandardMaterial>>().unwrap().clone();
+    stage.headless.app.world_mut().spawn((Mesh3d(block), material, Transform::from_xyz(-0.1, 1.0, 0.4)));
+    if implicit {
+        let field = stage.entity(ball).get::<VisibilityField3d>().unwrap().0.clone();
+        stage.entity(ball).remove::<Mesh3d>().insert(ImplicitSurface3d(field));
+    } else {
+        let fine: Mesh = match look {
+            Look::Block => Cuboid::new(1.0, 1.4, 0.8).into(),
+            Look::Plate => Cuboid::new(1.6, 1.0, 0.02).into(),
+            _ => Sphere::new(1.0).mesh().uv(256, 128),
+        };
+        let mesh = stage.headless.app.world_mut().resource_mut::<Assets<Mesh>>().add(fine);
+        stage.entity(ball).insert(Mesh3d(mesh));
+    }
+    let mut camera = stage.entity(camera);
+    match look {
+        Look::Plain | Look::Deferred => {}
+        Look::Orthographic => {
+            let scaling_mode = ScalingMode::FixedVertical { viewport_height: 5.0 };
+            camera.insert(Projection::Orthographic(OrthographicProjection {
+                scaling_mode,
+                // The far plane cuts the box.
+                far: 8.9,
+                ..OrthographicProjection::default_3d()
+            }));
+        }
+        Look::Close => {
+            camera.insert(Transform::from_xyz(-1.0, 1.25, 1.6).looking_at(Vec3::new(-0.6, 1.2, 0.0), Vec3::Y));
+            camera.insert(Projection::Perspective(PerspectiveProjection { near: 0.59, ..default() }));
+        }
+        Look::Within => {
+            camera.insert(Transform::from_xyz(-0.24, 1.95, 0.75).looking_at(Vec3::new(-1.0, 0.5, 0.4), Vec3::Y));
+            camera.insert(Projection::Perspective(PerspectiveProjection { near: 0.01, ..default() }));
+        }
+        Look::MotionVectors => drop(camera.insert(MotionVectorPrepass)),
+        Look::WithoutPrepass => drop(camera.remove::<(FieldOcclusion, DepthPrepass, NormalPrepass)>()),
+        Look::Multisampled => {
+            camera.remove::<(FieldOcclusion, DepthPrepass, NormalPrepass)>();
+            camera.insert(Msaa::Sample4);
+        }
+        Look::MultisampledWithPrepass => {
+            camera.remove::<(FieldOcclusion, NormalPrepass)>();
+            camera.insert(Msaa::Sample4);
+        }
+        Look::Stretched => stage.entity(ball).get_mut::<Transform>().unwrap().scale = Vec3::new(0.5, 1.2, 2.0),
+        Look::Mirrored => {
+            stage.entity(ball).get_mut::<Transform>().unwrap().scale =
+            // Bevy culls the wrong faces of a mirrored mesh.
+            Vec3::new(if implicit { -0.8 } else { 0.8 }, 0.8, 0.8)
+        }
+        Look::Block | Look::Plate => {
+            let mut ball = stage.entity(ball);
+            // Its field is a ball's.
+            ball.insert(NotFieldOccluder);
+            let mut transform = ball.get_mut::<Transform>().unwrap();
+            transform.rotate_y(0.4);
+            transform.rotate_z(0.2);
+        }
+        Look::OtherViewport => {
+            camera.get_mut::<Camera>().unwrap().viewport = Some(bevy::camera::Viewport {
+                physical_position: UVec2::new(33, 17) * scale,
+                physical_size: UVec2::new(120, 100) * scale,
+                ..default()
+            });
+        }
+    }
+    stage.picture()
+}
+
+/// A smaller picture of the average light.
+fn downsampled(picture: &RgbaImage, scale: u32) -> RgbaImage {
+    let linear = |byte: u8| (f32::from(byte) / 255.0).powf(2.2);
+    RgbaImage::from_fn(picture.width() / scale, picture.height() / scale, |x, y| {
+        let mut sums = [0.0; 3];
+        for i in 0..scale * scale {
+            let pixel = picture.get_pixel(x * scale + i % scale, y * scale + i / scale);
+            for (sum, byte) in sums.iter_mut().zip(pixel.0) {
+                *sum += linear(byte);
+            }
+        }
+        let [r, g, b] = sums.map(|sum| ((sum / (scale * scale) as f32).powf(1.0 / 2.2) * 255.0).round() as u8);
+        image::Rgba([r, g, b, 255])
+    })
+}
+
+/// The largest difference of a channel at each pixel.
+fn differences(a: &RgbaImage, b: &RgbaImage) -> Vec<u8> {
+    a.pixels().zip(b.pixels()).map(|(a, b)| (0..3).map(|i| a.0[i].abs_diff(b.0[i])).max().unwrap()).collect()
+}
+
+#[test]
+fn surfaces_look_like_fine_meshes() {
+    if !adapter::available() {
+        return;
+    }
+    let only = std::env::var("IMPLICIT_LOOK").ok();
+    for look in LOOKS.into_iter().filter(|look| only.as_ref().is_none_or(|only| *only == format!("{look:?}"))) {
+        let (surface, mesh) = (picture(look, true, 1), picture(look, false, 1));
+        let smooth = downsampled(&picture(look, false, 4), 4);
+        let count = |differences: &[u8], least: u8| differences.iter().filter(|d| **d >= least).count();
+        let to_mesh = differences(&surface, &mesh);
+        let to_smooth = differences(&surface, &smooth);
+        let mesh_to_smooth = differences(&mesh, &smooth);
+        println!(
+            "{look:?}: to mesh >=8: {}, >=40: {}; to smooth >=8 {} >=24 {} >=40 {}; mesh to smooth >=8 {} >=24 {} >=40 {}",
+            count(&to_mesh, 8),
+            count(&to_mesh, 40),
+            count(&to_smooth, 8),
+            count(&to_smooth, 24),
+            count(&to_smooth, 40),
+            count(&mesh_to_smooth, 8),
+            count(&mesh_to_smooth, 24),
+            count(&mesh_to_smooth, 40)
+        );
+        if let Ok(folder) = std::env::var("IMPLICIT_OUT") {
+            for (name, picture) in [("surface", &surface), ("mesh", &mesh), ("smooth", &smooth)] {
+                picture.save(format!("{folder}/{look:?}_{name}.png")).unwrap();
+            }
+        }
+    }
+}
