@@ -151,34 +151,44 @@ fn differences(a: &RgbaImage, b: &RgbaImage) -> Vec<u8> {
     a.pixels().zip(b.pixels()).map(|(a, b)| (0..3).map(|i| a.0[i].abs_diff(b.0[i])).max().unwrap()).collect()
 }
 
+fn count(differences: &[u8], least: u8) -> usize {
+    differences.iter().filter(|difference| **difference >= least).count()
+}
+
+/// Outlines are smooth where a mesh's have steps, so that their pixels differ, and no others. The tallest is of some 200 pixels.
 #[test]
 fn surfaces_look_like_fine_meshes() {
     if !adapter::available() {
         return;
     }
-    let only = std::env::var("IMPLICIT_LOOK").ok();
-    for look in LOOKS.into_iter().filter(|look| only.as_ref().is_none_or(|only| *only == format!("{look:?}"))) {
-        let (surface, mesh) = (picture(look, true, 1), picture(look, false, 1));
+    for look in LOOKS {
+        let [surface, mesh] = [true, false].map(|implicit| picture(look, implicit, 1));
+        let differences = differences(&surface, &mesh);
+        let differing = [8, 40].map(|least| count(&differences, least));
+        println!("{look:?}: {differing:?} pixels differ by 8 and 40 and more");
+        assert!(differing[0] < 120, "{look:?}: {} pixels differ", differing[0]);
+        assert!(differing[1] < 30, "{look:?}: {} pixels differ much", differing[1]);
+    }
+}
+
+/// Against a mesh with sixteen samples per pixel.
+#[test]
+fn outlines_are_smooth() {
+    if !adapter::available() {
+        return;
+    }
+    for look in [Look::Plain, Look::Orthographic, Look::Stretched, Look::Block] {
         let smooth = downsampled(&picture(look, false, 4), 4);
-        let count = |differences: &[u8], least: u8| differences.iter().filter(|d| **d >= least).count();
-        let to_mesh = differences(&surface, &mesh);
-        let to_smooth = differences(&surface, &smooth);
-        let mesh_to_smooth = differences(&mesh, &smooth);
-        println!(
-            "{look:?}: to mesh >=8: {}, >=40: {}; to smooth >=8 {} >=24 {} >=40 {}; mesh to smooth >=8 {} >=24 {} >=40 {}",
-            count(&to_mesh, 8),
-            count(&to_mesh, 40),
-            count(&to_smooth, 8),
-            count(&to_smooth, 24),
-            count(&to_smooth, 40),
-            count(&mesh_to_smooth, 8),
-            count(&mesh_to_smooth, 24),
-            count(&mesh_to_smooth, 40)
-        );
-        if let Ok(folder) = std::env::var("IMPLICIT_OUT") {
-            for (name, picture) in [("surface", &surface), ("mesh", &mesh), ("smooth", &smooth)] {
-                picture.save(format!("{folder}/{look:?}_{name}.png")).unwrap();
-            }
-        }
+        let [surface, mesh] = [true, false].map(|implicit| differences(&picture(look, implicit, 1), &smooth));
+        // Some outlines are of floor and block, which are meshes in both pictures.
+        let outline: Vec<(u8, u8)> =
+            surface.into_iter().zip(mesh).filter(|(surface, mesh)| surface.abs_diff(*mesh) >= 4).collect();
+        let error = |of: fn(&(u8, u8)) -> u8| {
+            outline.iter().map(|pair| f64::from(of(pair)).powi(2)).sum::<f64>().sqrt() / (outline.len() as f64).sqrt()
+        };
+        let (surface, mesh) = (error(|pair| pair.0), error(|pair| pair.1));
+        println!("{look:?}: RMS {surface:.1}/255 against {mesh:.1}/255, {} pixels", outline.len());
+        assert!(outline.len() > 20, "{look:?}: the pictures are the same");
+        assert!(surface < 0.4 * mesh, "{look:?}: RMS {surface} against {mesh}");
     }
 }
