@@ -107,9 +107,9 @@ fn picture(look: Look, implicit: bool, scale: u32) -> RgbaImage {
         }
         Look::Stretched => stage.entity(ball).get_mut::<Transform>().unwrap().scale = Vec3::new(0.5, 1.2, 2.0),
         Look::Mirrored => {
-            stage.entity(ball).get_mut::<Transform>().unwrap().scale =
             // Bevy culls the wrong faces of a mirrored mesh.
-            Vec3::new(if implicit { -0.8 } else { 0.8 }, 0.8, 0.8)
+            let x = if implicit { -0.8 } else { 0.8 };
+            stage.entity(ball).get_mut::<Transform>().unwrap().scale = Vec3::new(x, 0.8, 0.8);
         }
         Look::Block | Look::Plate => {
             let mut ball = stage.entity(ball);

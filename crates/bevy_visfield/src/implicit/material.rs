@@ -41,9 +41,9 @@ fn source() -> String {
 }
 
 pub(super) fn plugin(app: &mut App) {
-    let Some(mut shaders) = app.world_mut().get_resource_mut::<Assets<Shader>>() else { return };
-    if shaders.insert(SHADER.id(), Shader::from_wgsl(source(), "bevy_visfield/implicit/surface.wgsl")).is_err() {
-        return;
+    let shader = Shader::from_wgsl(source(), "bevy_visfield/implicit/surface.wgsl");
+    if let Err(error) = app.world_mut().resource_mut::<Assets<Shader>>().insert(SHADER.id(), shader) {
+        error!("implicit surfaces will not be seen, their shader has no place: {error}");
     }
     app.add_plugins(MaterialPlugin::<SurfaceMaterial>::default());
 }

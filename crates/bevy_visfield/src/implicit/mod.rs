@@ -8,6 +8,7 @@ mod material;
 mod proxy;
 
 use bevy::prelude::*;
+use bevy::render::RenderApp;
 
 use crate::asset::VisibilityField;
 
@@ -40,5 +41,13 @@ impl From<Handle<VisibilityField>> for ImplicitSurface3d {
 }
 
 pub(crate) fn plugin(app: &mut App) {
-    app.register_type::<ImplicitSurface3d>().add_plugins((material::plugin, proxy::plugin));
+    app.register_type::<ImplicitSurface3d>();
+    // Without a renderer, as on a server, there is nothing to draw with.
+    let world = app.world();
+    let draws = world.contains_resource::<Assets<Shader>>()
+        && world.contains_resource::<Assets<Mesh>>()
+        && world.contains_resource::<Assets<StandardMaterial>>();
+    if draws && app.get_sub_app(RenderApp).is_some() {
+        app.add_plugins((material::plugin, proxy::plugin));
+    }
 }

@@ -187,3 +187,95 @@ fn box_mesh(center: Vec3, half_extents: Vec3) -> Mesh {
         .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 1.0]; 24])
         .with_inserted_indices(Indices::U16(indices))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn app() -> App {
+        let mut app = App::new();
+        app.add_plugins((TaskPoolPlugin::default(), AssetPlugin::default(), plugin))
+            .init_asset::<VisibilityField>()
+            .init_asset::<StandardMaterial>()
+            .init_asset::<SurfaceMaterial>()
+            .init_asset::<Mesh>();
+        app
+    }
+
+    fn ball(app: &mut App) -> Handle<VisibilityField> {
+        app.world_mut()
+            .resource_mut::<Assets<VisibilityField>>()
+            .add(VisibilityField(visfield::field::ball_field(0.9, 3, 2)))
+    }
+
+    fn boxes(app: &mut App) -> Vec<(AssetId<Mesh>, AssetId<SurfaceMaterial>)> {
+        let world = app.world_mut();
+        let mut boxes = world.query::<(&Mesh3d, &MeshMaterial3d<SurfaceMaterial>)>();
+        boxes.iter(world).map(|(mesh, material)| (mesh.id(), material.id())).collect()
+    }
+
+    #[test]
+    fn boxes_come_are_shared_and_go() {
+        let mut app = app();
+        let field = ball(&mut app);
+        let material = app.world_mut().resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial::default());
+        let waiting = app.world_mut().spawn(ImplicitSurface3d::default()).id();
+        let one = app.world_mut().spawn((ImplicitSurface3d(field.clone()), MeshMaterial3d(material.clone()))).id();
+        let other = app.world_mut().spawn((ImplicitSurface3d(field.clone()), MeshMaterial3d(material.clone()))).id();
+        app.update();
+        let placed = boxes(&mut app);
+        assert_eq!(placed.len(), 4, "two boxes each, none for the field that is not there");
+        assert_eq!(placed.iter().collect::<HashSet<_>>().len(), 2, "both surfaces share them");
+        assert_eq!(app.world().get::<VisibilityField3d>(one).map(|field| field.id()), Some(field.id()), "it casts");
+        assert_eq!(app.world().get::<VisibilityField3d>(waiting).map(|field| field.id()), Some(AssetId::default()));
+
+        // Another colour, another field.
+        let next = ball(&mut app);
+        if let Some(mut material) = app.world_mut().resource_mut::<Assets<StandardMaterial>>().get_mut(&material) {
+            material.base_color = Color::BLACK;
+        }
+        app.world_mut().entity_mut(other).insert(ImplicitSurface3d(next));
+        app.update();
+        app.update();
+        let changed = boxes(&mut app);
+        assert_eq!(changed.len(), 4);
+        assert!(changed.iter().all(|new| !placed.contains(new)), "{placed:?} {changed:?}");
+        let materials = app.world().resource::<Assets<SurfaceMaterial>>();
+        let black =
+            |(_, id): &(_, AssetId<SurfaceMaterial>)| materials.get(*id).unwrap().base.base_color == Color::BLACK;
+        assert!(changed.iter().all(black));
+
+        app.world_mut().entity_mut(one).remove::<ImplicitSurface3d>();
+        app.world_mut().despawn(other);
+        app.world_mut().despawn(waiting);
+        app.update();
+        assert_eq!(boxes(&mut app), []);
+        app.update();
+        assert!(app.world().resource::<AllSharedBoxes>().0.is_empty());
+    }
+
+    #[test]
+    fn boxes_take_after_their_surface() {
+        let mut app = app();
+        let field = ball(&mut app);
+        let layers = RenderLayers::layer(3);
+        let surface =
+            app.world_mut().spawn((ImplicitSurface3d(field), layers.clone(), NotShadowReceiver, MeshTag(7))).id();
+        app.update();
+        let SurfaceBoxes(children) = *app.world().get::<SurfaceBoxes>(surface).unwrap();
+        app.update();
+        for child in children {
+            let child = app.world().entity(child);
+            assert!(child.contains::<NotShadowReceiver>() && child.contains::<NotShadowCaster>());
+            assert_eq!(child.get::<RenderLayers>(), Some(&layers));
+            assert_eq!(child.get::<MeshTag>().map(|tag| tag.0), Some(7));
+        }
+        app.world_mut().entity_mut(surface).remove::<(RenderLayers, NotShadowReceiver, MeshTag)>();
+        app.update();
+        for child in children {
+            let child = app.world().entity(child);
+            assert!(!child.contains::<NotShadowReceiver>() && !child.contains::<RenderLayers>());
+            assert!(!child.contains::<MeshTag>());
+        }
+    }
+}
