@@ -135,6 +135,7 @@ pub(crate) fn ball_with_caps(table: bool) -> visfield::VisibilityField {
     let parts = visfield::FieldParts {
         table: ball.table().filter(|_| table).cloned(),
         cap_grid: Some(visfield::field::cap_grid::example_ball()),
+        ..visfield::FieldParts::default()
     };
     visfield::VisibilityField::new(ball.header().clone(), parts).expect("both parts are sound")
 }

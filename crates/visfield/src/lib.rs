@@ -4,13 +4,15 @@
 //! invertible affine transform. The data's path through this crate:
 //!
 //! 1. [`file`](mod@file) decodes a field from untrusted bytes, and encodes it,
-//! 2. [`field`] answers single rays and batches in *field space*, where the mesh's bounding ellipsoid is the unit sphere, by a
-//!    field's table; and ambient occlusion without rays by its [cap grid](CapGrid),
+//! 2. [`field`] answers single rays and batches in *field space*, where the mesh's bounding ellipsoid is the unit sphere, by a field's
+//!    table, or by its [distances](mod@distance); and ambient occlusion without rays by its [cap grid](CapGrid),
 //! 3. [`scene`] places instances of fields in a world,
 //! 4. [`raycast`] answers a game's own rays against a whole scene,
 //! 5. [`estimate`] turns many rays into ambient occlusion and the soft shadows of lights on the CPU, and combines the cap grids of a
 //!    scene,
 //! 6. [`gpu`](mod@gpu) (feature `gpu`) does the same for every pixel of a frame, in plain WGSL compute passes.
+//!
+//! Beside it, [`shape`] describes solids by formulas instead of tables, and gives the distance to them.
 //!
 //! *Occlusion* is 0 where nothing is in the way and 1 where everything is; *visibility* is 1 − occlusion.
 //!
@@ -31,6 +33,7 @@
 //! assert!((0.0..=1.0).contains(&occlusion));
 //! ```
 
+pub mod distance;
 pub mod estimate;
 pub mod field;
 pub mod file;
@@ -38,6 +41,7 @@ pub mod file;
 pub mod gpu;
 pub mod raycast;
 pub mod scene;
+pub mod shape;
 
 pub use field::query::{QueryOptions, Ray};
 pub use field::{

@@ -136,11 +136,16 @@ impl Placement {
     /// assert_eq!(mirrored.field_normal(Vec3::Y), -Vec3::Y);
     /// ```
     pub fn field_normal(&self, normal: Vec3) -> Vec3 {
-        let [x, y, z] = scaled_rows(&self.field_from_world);
-        let cofactors = vec3(y.cross(z).dot(normal), z.cross(x).dot(normal), x.cross(y).dot(normal));
-        let orientation = if x.dot(y.cross(z)) < 0.0 { -1.0 } else { 1.0 };
-        cofactors.normalize_or_zero() * orientation
+        mapped_normal(&self.field_from_world, normal)
     }
+}
+
+/// The unit normal of a surface with this normal after an affine map.
+pub(crate) fn mapped_normal(map: &Affine3A, normal: Vec3) -> Vec3 {
+    let [x, y, z] = scaled_rows(map);
+    let cofactors = vec3(y.cross(z).dot(normal), z.cross(x).dot(normal), x.cross(y).dot(normal));
+    let orientation = if x.dot(y.cross(z)) < 0.0 { -1.0 } else { 1.0 };
+    cofactors.normalize_or_zero() * orientation
 }
 
 /// The linear part of an affine map, scaled to a largest component of 1: products of three components of tiny or huge objects

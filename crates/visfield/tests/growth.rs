@@ -28,7 +28,8 @@ fn frames_leave_no_memory_behind() {
     let passes = OcclusionPasses::new(&device);
     let mut pool = FieldPool::new(&device);
     let ball = ball_field(1.0, 33, 32);
-    let parts = FieldParts { table: ball.table().cloned(), cap_grid: Some(cap_grid::example_ball()) };
+    let parts =
+        FieldParts { table: ball.table().cloned(), cap_grid: Some(cap_grid::example_ball()), ..FieldParts::default() };
     let ball = VisibilityField::new(ball.header().clone(), parts).unwrap();
     let slot = pool.insert(&device, &queue, &ball).unwrap();
     let place = DAffine3::from_translation(dvec3(0.0, 0.0, -3.0));

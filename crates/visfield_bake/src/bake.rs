@@ -5,6 +5,7 @@ use std::fmt;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use thiserror::Error;
+use visfield::distance::{DistanceField, DistanceGridFormat};
 use visfield::field::encoding::Block;
 use visfield::{
     BoundingEllipsoid, CapGridFormat, ChordTable, Encoding, FieldError, FieldHeader, FieldParts, Representation,
@@ -13,6 +14,7 @@ use visfield::{
 
 use crate::bounds::{BoundsKind, bounds_of};
 use crate::cap_grid::{self, bake_cap_grid};
+use crate::distance::bake_distance_grid;
 use crate::mesh::{Mesh, MeshError};
 use crate::triangles::TriangleBvh;
 
@@ -26,6 +28,7 @@ use crate::triangles::TriangleBvh;
 ///     table: Some(TableFormat { representation, encoding: Encoding::Bit }),
 ///     bounds: BoundsKind::Ellipsoid,
 ///     cap_grid: None,
+///     distance: None,
 /// };
 /// assert_eq!(settings.rays(), 33 * 33 * 64 * 64);
 /// ```
@@ -37,6 +40,8 @@ pub struct BakeSettings {
     pub table: Option<TableFormat>,
     /// The grid that answers ambient occlusion without rays.
     pub cap_grid: Option<CapGridFormat>,
+    /// The grid of distances, which answers rays: all of them, or beside a table those that start inside the bounds.
+    pub distance: Option<DistanceGridFormat>,
 }
 
 impl Default for BakeSettings {
@@ -57,7 +62,9 @@ impl fmt::Display for BakeSettings {
             write!(f, "{table}, {bounds}")?;
         }
         let between = if self.table.is_some() { "; " } else { "" };
-        self.cap_grid.iter().try_for_each(|grid| write!(f, "{between}caps {grid}"))
+        self.cap_grid.iter().try_for_each(|grid| write!(f, "{between}caps {grid}"))?;
+        let between = if self.table.is_some() || self.cap_grid.is_some() { "; " } else { "" };
+        self.distance.iter().try_for_each(|grid| write!(f, "{between}distances {grid}"))
     }
 }
 
@@ -70,21 +77,27 @@ impl BakeSettings {
 
     /// A cap grid and nothing else.
     pub const fn of_cap_grid(cap_grid: CapGridFormat) -> Self {
-        Self { bounds: BoundsKind::Sphere, table: None, cap_grid: Some(cap_grid) }
+        Self { bounds: BoundsKind::Sphere, table: None, cap_grid: Some(cap_grid), distance: None }
     }
 
     /// A table and nothing else.
     pub const fn of_table(table: TableFormat, bounds: BoundsKind) -> Self {
-        Self { bounds, table: Some(table), cap_grid: None }
+        Self { bounds, table: Some(table), cap_grid: None, distance: None }
     }
 
-    /// Number of rays that a bake traces: one per chord of the table, and up to so many for a cap grid; 0 if the settings are
-    /// out of range.
+    /// A distance grid and nothing else.
+    pub const fn of_distance(distance: DistanceGridFormat) -> Self {
+        Self { bounds: BoundsKind::Sphere, table: None, cap_grid: None, distance: Some(distance) }
+    }
+
+    /// Number of rays that a bake traces: one per chord of the table, and up to so many for a cap grid; and of points
+    /// of a distance grid, up to so many. 0 if the settings are out of range.
     pub fn rays(&self) -> u64 {
         if self.validate().is_err() {
             return 0;
         }
-        self.table.map_or(0, |table| table.chords()) + self.cap_grid.as_ref().map_or(0, cap_grid::rays)
+        let points = self.distance.map_or(0, |grid| u64::from(grid.voxels).pow(3));
+        self.table.map_or(0, |table| table.chords()) + self.cap_grid.as_ref().map_or(0, cap_grid::rays) + points
     }
 
     /// Checks every number against its documented range, and that there is something to bake.
@@ -100,11 +113,12 @@ impl BakeSettings {
     /// # Errors
     /// [`FieldError`] names the first value that is out of range.
     pub fn validate(&self) -> Result<(), FieldError> {
-        if self.table.is_none() && self.cap_grid.is_none() {
+        if self.table.is_none() && self.cap_grid.is_none() && self.distance.is_none() {
             return Err(FieldError::Empty);
         }
         self.table.as_ref().map_or(Ok(()), TableFormat::validate)?;
-        self.cap_grid.as_ref().map_or(Ok(()), CapGridFormat::validate)
+        self.cap_grid.as_ref().map_or(Ok(()), CapGridFormat::validate)?;
+        self.distance.as_ref().map_or(Ok(()), DistanceGridFormat::validate)
     }
 }
 
@@ -161,7 +175,8 @@ pub fn bake(mesh: &Mesh, settings: &BakeSettings, progress: impl Fn(u64) + Sync)
 
     let table = settings.table.map(|format| bake_table(&solid, &header.bounds, format, &progress)).transpose()?;
     let cap_grid = settings.cap_grid.map(|format| bake_cap_grid(&solid, format, &progress)).transpose()?;
-    Ok(VisibilityField::new(header, FieldParts { table, cap_grid })?)
+    let distance = settings.distance.map(|format| bake_distance_grid(&solid, format, &progress)).transpose()?;
+    Ok(VisibilityField::new(header, FieldParts { table, cap_grid, distance: distance.map(DistanceField::Grid) })?)
 }
 
 /// The table of triangles in mesh space.

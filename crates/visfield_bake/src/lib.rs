@@ -29,6 +29,7 @@
 pub mod bake;
 pub mod bounds;
 mod cap_grid;
+mod distance;
 pub mod exact;
 pub mod measure;
 pub mod mesh;

@@ -1,12 +1,13 @@
 //! Exact rays against triangles: a compressed wide BVH of crate `obvhs` (Ylitie et al., *Efficient Incoherent Ray Traversal
-//! on GPUs Through Compressed Wide BVHs*, 2017).
+//! on GPUs Through Compressed Wide BVHs*, 2017). For queries that are no rays, its binary BVH as plain data.
 //!
 //! This is the only module that speaks `obvhs`, whose `glam` is another version than ours: vectors cross as arrays.
 
 use std::time::Duration;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec3A};
 use obvhs::BvhBuildParams;
+use obvhs::bvh2::builder::build_bvh2_from_tris;
 use obvhs::cwbvh::{CwBvh, builder::build_cwbvh_from_tris};
 use obvhs::ray::{Ray, RayHit};
 use obvhs::rt_triangle::RtTriangle;
@@ -164,6 +165,56 @@ impl TriangleBvh {
         let length = length * largest * self.scale;
         let ray = Ray::new(origin.to_array().into(), unit.to_array().into(), t_min * length, t_max * length);
         Some(PreparedRay { ray, length })
+    }
+}
+
+/// A binary BVH as plain data, for queries that are no rays.
+#[derive(Debug)]
+pub(crate) struct BinaryBvh {
+    /// The root comes first. None without triangles.
+    pub(crate) nodes: Vec<BinaryNode>,
+    /// In the order of the leaves.
+    pub(crate) triangles: Vec<[Vec3; 3]>,
+}
+
+/// A box and what is in it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BinaryNode {
+    pub(crate) low: Vec3A,
+    pub(crate) high: Vec3A,
+    /// The first of a leaf's triangles, or the first of an inner node's two children, which are neighbours.
+    pub(crate) first: u32,
+    /// Number of triangles; 0 for an inner node.
+    pub(crate) count: u32,
+}
+
+impl BinaryBvh {
+    /// Builds the BVH over triangles with finite corners.
+    pub(crate) fn new(triangles: &[[Vec3; 3]]) -> Self {
+        if triangles.is_empty() {
+            return Self { nodes: Vec::new(), triangles: Vec::new() };
+        }
+        let soup: Vec<Triangle> = triangles
+            .iter()
+            .map(|corners| {
+                let [v0, v1, v2] = corners.map(|p| p.to_array().into());
+                Triangle { v0, v1, v2 }
+            })
+            .collect();
+        // Boxes are cheap to test beside triangles, at any distance: small leaves, whatever a ray would prefer.
+        let settings =
+            BvhBuildParams { max_prims_per_leaf: 4, collapse_traversal_cost: 1.0, ..BvhBuildParams::medium_build() };
+        let bvh = build_bvh2_from_tris(&soup, settings, &mut Duration::default());
+        let node = |node: &obvhs::bvh2::node::Bvh2Node| BinaryNode {
+            low: node.aabb().min.to_array().into(),
+            high: node.aabb().max.to_array().into(),
+            first: node.first_index,
+            count: node.prim_count,
+        };
+        Self {
+            nodes: bvh.nodes.iter().map(node).collect(),
+            triangles: bvh.primitive_indices.iter().map(|&i| triangles[i as usize]).collect(),
+        }
     }
 }
 

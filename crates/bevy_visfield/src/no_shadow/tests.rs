@@ -85,7 +85,8 @@ fn with_caps(order: HarmonicOrder, table: bool) -> visfield::VisibilityField {
     let format = CapGridFormat { order, points: 5, ..CapGridFormat::DEFAULT };
     let grid =
         cap_grid::ball(CapGridHeader { format, low: numbers.clone(), range: numbers, ..CapGridHeader::default() });
-    let parts = FieldParts { table: field.table().filter(|_| table).cloned(), cap_grid: Some(grid) };
+    let parts =
+        FieldParts { table: field.table().filter(|_| table).cloned(), cap_grid: Some(grid), ..FieldParts::default() };
     visfield::VisibilityField::new(field.header().clone(), parts).unwrap()
 }
 

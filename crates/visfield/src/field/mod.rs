@@ -28,6 +28,8 @@ pub use cap_grid::{CapGrid, CapGridFormat};
 pub use encoding::Encoding;
 pub use table::{ChordTable, MAX_SIDE, MAX_TABLE_BYTES, Representation, TableFormat};
 
+use crate::distance::DistanceField;
+use crate::distance::{DistanceGrid, MAX_VOXELS, MIN_VOXELS};
 use measured::Measured;
 
 /// The ellipsoid around the mesh that becomes the unit sphere of field space.
@@ -142,6 +144,8 @@ pub struct FieldParts {
     pub table: Option<ChordTable>,
     /// Answers ambient occlusion, without rays.
     pub cap_grid: Option<CapGrid>,
+    /// Answers rays: all of them, or beside a table those that start inside the bounds. Gives soft shadows without rays.
+    pub distance: Option<DistanceField>,
 }
 
 impl From<ChordTable> for FieldParts {
@@ -158,15 +162,23 @@ impl From<CapGrid> for FieldParts {
     }
 }
 
+impl From<DistanceGrid> for FieldParts {
+    /// A distance grid alone.
+    fn from(grid: DistanceGrid) -> Self {
+        Self { distance: Some(grid.into()), ..Self::default() }
+    }
+}
+
 impl FieldParts {
     /// Size of all parts in memory, in bytes.
     pub fn bytes(&self) -> u64 {
         let table = self.table.as_ref().map_or(0, |table| table.format().bytes());
-        table + self.cap_grid.as_ref().map_or(0, |grid| grid.header().format.bytes())
+        let cap_grid = self.cap_grid.as_ref().map_or(0, |grid| grid.header().format.bytes());
+        table + cap_grid + self.distance.as_ref().map_or(0, DistanceField::bytes)
     }
 
     fn is_empty(&self) -> bool {
-        self.table.is_none() && self.cap_grid.is_none()
+        self.table.is_none() && self.cap_grid.is_none() && self.distance.is_none()
     }
 }
 
@@ -195,6 +207,15 @@ pub enum FieldError {
     /// A cap grid has a number that is not finite or out of range, or its header too few of them.
     #[error("the cap grid's box, falloff, value ranges or values are not finite, or out of range")]
     CapGrid,
+    /// A distance grid has too few or too many points.
+    #[error("a distance grid of {voxels} voxels along its longest axis is outside {MIN_VOXELS} to {MAX_VOXELS}")]
+    Voxels {
+        /// The number asked for.
+        voxels: u32,
+    },
+    /// A distance grid has a number that is not finite or out of range.
+    #[error("the distance grid's points, place or distances are not finite, or out of range")]
+    DistanceGrid,
     /// Something that was measured is not finite.
     #[error("what was measured of the field has a number that is not finite")]
     Measured,
@@ -223,7 +244,7 @@ pub enum FieldError {
         found: u64,
     },
     /// There is no part.
-    #[error("a field needs a part that answers something; give it a table or a cap grid")]
+    #[error("a field needs a part that answers something; give it a table, a cap grid, a distance grid or a shape")]
     Empty,
 }
 
@@ -241,6 +262,8 @@ pub enum FieldError {
 pub struct VisibilityField {
     header: FieldHeader,
     parts: FieldParts,
+    /// From field space to that of the distances, if there are any.
+    distance_from_field: Option<Affine3A>,
 }
 
 impl VisibilityField {
@@ -259,7 +282,10 @@ impl VisibilityField {
         if parts.is_empty() {
             return Err(FieldError::Empty);
         }
-        Ok(Self { header, parts })
+        let mesh_from_field = header.bounds.mesh_from_field();
+        let distance_from_field =
+            parts.distance.as_ref().map(|distance| (distance.distance_from_mesh() * mesh_from_field).as_affine3a());
+        Ok(Self { header, parts, distance_from_field })
     }
 
     /// The same field with another table of its mesh, without what was measured.
@@ -317,6 +343,17 @@ impl VisibilityField {
     /// The part that answers ambient occlusion without rays, if it has one.
     pub fn cap_grid(&self) -> Option<&CapGrid> {
         self.parts.cap_grid.as_ref()
+    }
+
+    /// The part that knows distances, if it has one.
+    #[inline(always)]
+    pub fn distance_field(&self) -> Option<&DistanceField> {
+        self.parts.distance.as_ref()
+    }
+
+    /// The map from field space to that of the [distances](Self::distance_field), if there are any.
+    pub fn distance_from_field(&self) -> Option<Affine3A> {
+        self.distance_from_field
     }
 
     /// Size of all its parts in memory, in bytes.

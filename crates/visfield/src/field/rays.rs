@@ -1,20 +1,59 @@
 //! What rays ask a field, in field space (the bounding ellipsoid is the unit sphere).
 
+use glam::Vec3;
+
 use super::VisibilityField;
 use super::lookup::Aim;
-use super::query::{QueryOptions, Ray};
+use super::query::{QueryOptions, Ray, finite};
+use super::table::ChordTable;
+use crate::distance::DistanceField;
+use crate::scene::mapped_normal;
 
-/// Rays are answered by the field's [table](Self::table). A field without one [answers none](Self::answers_rays): they all
-/// pass unhindered.
+/// What answers some rays.
+enum Answering<'a> {
+    Table(&'a ChordTable),
+    Distance(&'a DistanceField),
+    Nothing,
+}
+
+/// Rays are answered by the field's [table](Self::table), or by its [distances](Self::distance_field). If it has both, it is a
+/// *composite*: rays that start outside the bounds ask the table, which is faster, and those that start inside ask the
+/// distances, which are more accurate there. A field with neither [answers none](Self::answers_rays): they all pass unhindered.
 impl VisibilityField {
-    /// Whether rays can hit this field: whether it has a [table](Self::table).
+    /// Whether rays can hit this field: whether it has a [table](Self::table) or [distances](Self::distance_field).
     ///
     /// ```
     /// # let field = visfield::field::example_field();
     /// assert_eq!(field.answers_rays(), field.table().is_some());
     /// ```
     pub fn answers_rays(&self) -> bool {
-        self.table().is_some()
+        self.table().is_some() || self.distance_field().is_some()
+    }
+
+    /// What answers rays that start inside the bounds, or outside.
+    #[inline(always)]
+    fn answering(&self, inside: bool) -> Answering<'_> {
+        match (self.table(), self.distance_field()) {
+            (Some(table), None) => Answering::Table(table),
+            (Some(table), Some(_)) if !inside => Answering::Table(table),
+            (_, Some(distance)) => Answering::Distance(distance),
+            (None, None) => Answering::Nothing,
+        }
+    }
+
+    /// A ray in the space of the distances, and how many of its directions make one of the ray's.
+    #[inline(always)]
+    fn distance_ray(&self, ray: &Ray) -> (Ray, f32) {
+        let map = self.distance_from_field().unwrap_or_default();
+        // Neither too short nor too long to be transformed.
+        let (Ray { origin, direction, t_max }, scale) = ray.rescaled();
+        let (origin, direction) = (map.transform_point3(origin), map.transform_vector3(direction));
+        (Ray { origin, direction, t_max }, scale)
+    }
+
+    #[inline(always)]
+    fn distance_normal(&self, options: &QueryOptions) -> Vec3 {
+        self.distance_from_field().map_or(Vec3::ZERO, |map| mapped_normal(&map, options.normal))
     }
 
     /// The ray parameter t of the first known hit along a ray.
@@ -32,7 +71,15 @@ impl VisibilityField {
     /// ```
     #[inline]
     pub fn hit(&self, ray: &Ray, options: &QueryOptions) -> Option<f32> {
-        self.table()?.hit(ray, options)
+        match self.answering(starts_inside(ray)) {
+            Answering::Table(table) => table.hit(ray, options),
+            Answering::Distance(distance) => {
+                let (in_distance, scale) = self.distance_ray(ray);
+                let t = distance.hit(&in_distance, self.distance_normal(options), options.bias)?;
+                Some(finite(t / scale).min(ray.t_max.next_down()))
+            }
+            Answering::Nothing => None,
+        }
     }
 
     /// The length of the ray up to its [first known hit](Self::hit), in field-space units (bounding radii if the bounds are
@@ -46,7 +93,14 @@ impl VisibilityField {
     /// ```
     #[inline]
     pub fn distance(&self, ray: &Ray, options: &QueryOptions) -> f32 {
-        self.table().map_or(f32::INFINITY, |table| table.distance(ray, options))
+        match self.answering(starts_inside(ray)) {
+            Answering::Table(table) => table.distance(ray, options),
+            Answering::Distance(distance) => {
+                let hit = distance.hit(&self.distance_ray(ray).0, self.distance_normal(options), options.bias);
+                hit.map_or(f32::INFINITY, |t| finite(t * ray.rescaled().0.direction.length()))
+            }
+            Answering::Nothing => f32::INFINITY,
+        }
     }
 
     /// Whether anything lies along the ray before its end.
@@ -70,7 +124,13 @@ impl VisibilityField {
     /// ```
     #[inline]
     pub fn occluded(&self, ray: &Ray, options: &QueryOptions) -> bool {
-        self.table().is_some_and(|table| table.occluded(ray, options))
+        match self.answering(starts_inside(ray)) {
+            Answering::Table(table) => table.occluded(ray, options),
+            Answering::Distance(distance) => {
+                distance.occluded(&self.distance_ray(ray).0, self.distance_normal(options), options.bias)
+            }
+            Answering::Nothing => false,
+        }
     }
 
     /// Where the line through the ray last meets the mesh before leaving the bounds, as the ray parameter t, behind the
@@ -96,10 +156,17 @@ impl VisibilityField {
     /// If there are not as many `hits` as `rays`.
     pub fn hit_batch(&self, rays: &[Ray], options: &QueryOptions, hits: &mut [f32]) {
         assert_eq!(rays.len(), hits.len(), "one answer per ray");
-        match self.table() {
-            Some(table) => table.hit_batch(rays, options, hits),
-            None => hits.fill(f32::INFINITY),
-        }
+        self.batch(rays, hits, |answering, rays, hits| match answering {
+            Answering::Table(table) => table.hit_batch(rays, options, hits),
+            Answering::Distance(distance) => {
+                let (in_distance, scales): (Vec<Ray>, Vec<f32>) = rays.iter().map(|ray| self.distance_ray(ray)).unzip();
+                distance.hit_batch(&in_distance, self.distance_normal(options), options.bias, hits);
+                for ((hit, ray), scale) in hits.iter_mut().zip(rays).zip(scales) {
+                    *hit = if *hit < f32::INFINITY { finite(*hit / scale).min(ray.t_max.next_down()) } else { *hit };
+                }
+            }
+            Answering::Nothing => hits.fill(f32::INFINITY),
+        });
     }
 
     /// [`distance`](Self::distance) for many rays at once, several times faster.
@@ -108,10 +175,17 @@ impl VisibilityField {
     /// If there are not as many `distances` as `rays`.
     pub fn distance_batch(&self, rays: &[Ray], options: &QueryOptions, distances: &mut [f32]) {
         assert_eq!(rays.len(), distances.len(), "one answer per ray");
-        match self.table() {
-            Some(table) => table.distance_batch(rays, options, distances),
-            None => distances.fill(f32::INFINITY),
-        }
+        self.batch(rays, distances, |answering, rays, distances| match answering {
+            Answering::Table(table) => table.distance_batch(rays, options, distances),
+            Answering::Distance(distance) => {
+                let in_distance: Vec<Ray> = rays.iter().map(|ray| self.distance_ray(ray).0).collect();
+                distance.hit_batch(&in_distance, self.distance_normal(options), options.bias, distances);
+                for (t, ray) in distances.iter_mut().zip(rays).filter(|(t, _)| **t < f32::INFINITY) {
+                    *t = finite(*t * ray.rescaled().0.direction.length());
+                }
+            }
+            Answering::Nothing => distances.fill(f32::INFINITY),
+        });
     }
 
     /// [`occluded`](Self::occluded) for many rays at once, many times faster.
@@ -130,11 +204,40 @@ impl VisibilityField {
     /// If there are not as many `occluded` as `rays`.
     pub fn occluded_batch(&self, rays: &[Ray], options: &QueryOptions, occluded: &mut [bool]) {
         assert_eq!(rays.len(), occluded.len(), "one answer per ray");
-        match self.table() {
-            Some(table) => table.occluded_batch(rays, options, occluded),
-            None => occluded.fill(false),
+        self.batch(rays, occluded, |answering, rays, occluded| match answering {
+            Answering::Table(table) => table.occluded_batch(rays, options, occluded),
+            Answering::Distance(distance) => {
+                let in_distance: Vec<Ray> = rays.iter().map(|ray| self.distance_ray(ray).0).collect();
+                distance.occluded_batch(&in_distance, self.distance_normal(options), options.bias, occluded);
+            }
+            Answering::Nothing => occluded.fill(false),
+        });
+    }
+
+    /// Has all rays answered by what answers them: of a composite, those that start inside and the others by themselves.
+    fn batch<A: Copy + Default>(&self, rays: &[Ray], answers: &mut [A], ask: impl Fn(Answering, &[Ray], &mut [A])) {
+        let inside: Vec<bool> = match (self.table(), self.distance_field()) {
+            (Some(_), Some(_)) => rays.iter().map(starts_inside).collect(),
+            _ => Vec::new(),
+        };
+        let first = inside.first().copied().unwrap_or_default();
+        if inside.iter().all(|other| *other == first) {
+            return ask(self.answering(first), rays, answers);
+        }
+        for side in [false, true] {
+            let own: Vec<usize> = (0..rays.len()).filter(|&i| inside[i] == side).collect();
+            let own_rays: Vec<Ray> = own.iter().map(|&i| rays[i]).collect();
+            let mut own_answers = vec![A::default(); own.len()];
+            ask(self.answering(side), &own_rays, &mut own_answers);
+            own.into_iter().zip(own_answers).for_each(|(i, answer)| answers[i] = answer);
         }
     }
+}
+
+/// Whether a ray starts inside the bounds.
+#[inline(always)]
+fn starts_inside(ray: &Ray) -> bool {
+    ray.origin.dot(ray.origin) < 1.0
 }
 
 #[cfg(test)]

@@ -36,6 +36,8 @@ pub use view::OcclusionView;
 
 /// Functions over `pool`, the buffer of all fields, which the including shader declares.
 pub const FIELD_SOURCE: &str = include_str!("../shaders/field.wgsl");
+/// `shape_distance` over `pool`, as [`FIELD_SOURCE`] has it: the distance to a [shape](crate::shape) whose nodes are in it.
+pub const SHAPE_SOURCE: &str = include_str!("../shaders/shape.wgsl");
 const FRAME_SOURCE: &str = include_str!("../shaders/frame.wgsl");
 const LIGHT_SOURCE: &str = include_str!("../shaders/light.wgsl");
 const INSTANCE_SOURCE: &str = include_str!("../shaders/instance.wgsl");

@@ -124,7 +124,7 @@ fn where_a_grid_is_wrong_there_are_rays() {
     let error = Some(CapGridError { outside: 0.0, inside: 0.5 });
     let cap_grid = Some(cap_grid::ball(CapGridHeader { error, ..CapGridHeader::default() }));
     let table = ball_field(0.5, 65, 32).table().cloned();
-    let field = VisibilityField::new(header, FieldParts { cap_grid, table }).unwrap();
+    let field = VisibilityField::new(header, FieldParts { cap_grid, table, distance: None }).unwrap();
     let mut scene = Scene::default();
     let ball = scene.add_field(field);
     scene.instances.push(Instance::new(ball, DAffine3::IDENTITY));

@@ -365,12 +365,12 @@ fn caps_of_all_kinds() -> Vec<VisibilityField> {
     let (bytes, halves) = (CapPrecision::U8, CapPrecision::F16);
     let with_table = table.table().cloned();
     let parts = [
-        FieldParts { cap_grid: grid(one, bytes, 16, 0.0), table: None },
-        FieldParts { cap_grid: grid(one, halves, 9, 0.0), table: with_table.clone() },
-        FieldParts { cap_grid: grid(one, bytes, 16, 1.0), table: with_table.clone() },
-        FieldParts { cap_grid: None, table: with_table.clone() },
-        FieldParts { cap_grid: grid(three, bytes, 16, 0.0), table: None },
-        FieldParts { cap_grid: grid(three, halves, 9, 1.0), table: with_table },
+        FieldParts { cap_grid: grid(one, bytes, 16, 0.0), table: None, distance: None },
+        FieldParts { cap_grid: grid(one, halves, 9, 0.0), table: with_table.clone(), distance: None },
+        FieldParts { cap_grid: grid(one, bytes, 16, 1.0), table: with_table.clone(), distance: None },
+        FieldParts { cap_grid: None, table: with_table.clone(), distance: None },
+        FieldParts { cap_grid: grid(three, bytes, 16, 0.0), table: None, distance: None },
+        FieldParts { cap_grid: grid(three, halves, 9, 1.0), table: with_table, distance: None },
     ];
     parts.map(|parts| VisibilityField::new(table.header().clone(), parts).unwrap()).into()
 }

@@ -6,4 +6,5 @@ mod frame;
 mod layout;
 mod lookup;
 mod pool;
+mod shape;
 mod speed;

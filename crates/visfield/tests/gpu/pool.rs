@@ -70,9 +70,9 @@ fn fields_with_caps(radius: f32) -> [VisibilityField; 3] {
     let table = ball.table().cloned();
     assert_eq!(ball.bytes() % 4, 1);
     [
-        FieldParts { cap_grid: grid(HarmonicOrder::One, CapPrecision::U8, 9), table: table.clone() },
-        FieldParts { cap_grid: grid(HarmonicOrder::Three, CapPrecision::F16, 7), table: None },
-        FieldParts { cap_grid: None, table },
+        FieldParts { cap_grid: grid(HarmonicOrder::One, CapPrecision::U8, 9), table: table.clone(), distance: None },
+        FieldParts { cap_grid: grid(HarmonicOrder::Three, CapPrecision::F16, 7), table: None, distance: None },
+        FieldParts { cap_grid: None, table, distance: None },
     ]
     .map(|parts| VisibilityField::new(ball.header().clone(), parts).unwrap())
 }
