@@ -20,9 +20,10 @@ use flate2::{Compression, read::ZlibDecoder, write::ZlibEncoder};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::distance::{DistanceField, DistanceGrid, DistanceGridHeader};
+use crate::distance::{DistanceField, DistanceGrid, DistanceGridHeader, Solid};
 use crate::field::cap_grid::CapGridHeader;
 use crate::field::{CapGrid, ChordTable, FieldError, FieldHeader, FieldParts, TableFormat, VisibilityField};
+use crate::shape::Shape;
 
 /// The first bytes of every `.vfield` file. The leading non-ASCII byte and the line break expose text-mode transfers.
 pub const MAGIC: [u8; 8] = *b"\x89VFIELD\n";
@@ -142,6 +143,9 @@ struct IndexEntry {
     cap_grid: Option<PartEntry<CapGridHeader>>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     distance_grid: Option<PartEntry<DistanceGridHeader>>,
+    /// In the place of a grid; it has no stream.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    shape: Option<Shape>,
 }
 
 /// A part in the index: what it is, and the length of its stream.
@@ -201,6 +205,7 @@ pub fn encode(fields: &[VisibilityField]) -> Vec<u8> {
                 .distance_field()
                 .and_then(DistanceField::grid)
                 .map(|grid| PartEntry { format: *grid.header(), compressed_bytes: store(&grid.bytes()) }),
+            shape: field.distance_field().and_then(DistanceField::shape).cloned(),
         })
         .collect();
     let index = serde_json::to_vec(&index).expect("headers are plain data");
@@ -337,6 +342,8 @@ fn decode_field(entry: IndexEntry, streams: &FieldStreams) -> Result<VisibilityF
         header.validate().map_err(in_field)?;
         let bytes = decompressed(stream, "distance grid", header.bytes())?;
         parts.distance = Some(DistanceGrid::new(header, &bytes).map_err(in_field)?.into());
+    } else if let Some(shape) = entry.shape {
+        parts.distance = Some(Solid::new(shape).map_err(|error| in_field(error.into()))?.into());
     }
     VisibilityField::new(entry.header, parts).map_err(in_field)
 }

@@ -52,7 +52,7 @@ fn frames_leave_no_memory_behind() {
     for (settings, lights, motion) in [(rays, &lights[..], None), (half, &[], Some(&motion)), (caps, &lights, None)] {
         let mut view = OcclusionView::new();
         let mut frame = || {
-            let instance = InstanceData::new(&slot, &placement, Casting::default(), settings.caps.is_some());
+            let instance = InstanceData::new(&slot, &placement, Casting::default(), settings.wanted());
             let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             passes.encode(
                 (&device, &queue, &mut encoder),

@@ -10,6 +10,8 @@
     reason = "lane by lane through several arrays, and without branches: that is what becomes vector instructions"
 )]
 
+use std::cell::Cell;
+
 use glam::Vec3;
 use pulp::{Arch, NullaryFnOnce};
 
@@ -38,6 +40,12 @@ impl DistanceField {
                 };
                 march(grid, rays, normal, bias, hits, answer);
             }
+            // Trees differ too much from ray to ray for lanes.
+            Self::Shape(_) => {
+                for (hit, ray) in hits.iter_mut().zip(rays) {
+                    *hit = self.hit(ray, normal, bias).unwrap_or(f32::INFINITY);
+                }
+            }
         }
     }
 
@@ -45,6 +53,11 @@ impl DistanceField {
     pub(crate) fn occluded_batch(&self, rays: &[Ray], normal: Vec3, bias: Bias, occluded: &mut [bool]) {
         match self {
             Self::Grid(grid) => march(grid, rays, normal, bias, occluded, |_, t| t < f32::INFINITY),
+            Self::Shape(_) => {
+                for (occluded, ray) in occluded.iter_mut().zip(rays) {
+                    *occluded = self.occluded(ray, normal, bias);
+                }
+            }
         }
     }
 }
@@ -107,6 +120,19 @@ impl<C: Copy + Into<f32>, A, F: Fn(&Ray, f32) -> A> NullaryFnOnce for March<'_, 
     fn call(self) {
         let Self { grid, codes, rays, normal, bias, answers, answer } = self;
         let bounds = (Vec3::ZERO, grid.last);
+        // Many rays leave each point: what is known of the last one is kept.
+        let known = Cell::new((Vec3::NAN, 0.0));
+        let distance_at_origin = |position: Vec3| {
+            let (last, distance) = known.get();
+            if last == position {
+                return distance;
+            }
+            let place = grid.place(position);
+            let corners = grid.corners(codes, place.index);
+            let distance = grid.interpolate(&corners, place.fraction, place.squared_beyond);
+            known.set((position, distance));
+            distance
+        };
         let mut lanes = Lanes {
             ray: [IDLE; LANES],
             origin: Vectors::ZERO,
@@ -133,11 +159,7 @@ impl<C: Copy + Into<f32>, A, F: Fn(&Ray, f32) -> A> NullaryFnOnce for March<'_, 
                 while next < rays.len() {
                     let (ray, _) = rays[next].rescaled();
                     let Segment { origin, direction, t_min, t_max, slack } =
-                        segment(&ray, normal, bias.height * SLACK, bounds, |position| {
-                            let place = grid.place(position);
-                            let corners = grid.corners(codes, place.index);
-                            grid.interpolate(&corners, place.fraction, place.squared_beyond)
-                        });
+                        segment(&ray, normal, bias.height * SLACK, bounds, distance_at_origin);
                     if t_min < t_max {
                         lanes.ray[lane] = next;
                         lanes.origin.set(lane, origin);

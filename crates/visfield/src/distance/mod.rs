@@ -16,9 +16,14 @@ mod batch;
 pub mod cone;
 mod grid;
 pub mod query;
+mod solid;
 pub mod sphere_trace;
 
 use glam::{DAffine3, Vec3};
+
+use crate::shape::Shape;
+
+pub use solid::Solid;
 
 pub use grid::{
     BYTE_REACH, DistanceGrid, DistanceGridFormat, DistanceGridHeader, DistancePrecision, MARGIN, MAX_VOXELS,
@@ -39,6 +44,8 @@ pub use grid::{
 pub enum DistanceField {
     /// Sampled from a mesh.
     Grid(DistanceGrid),
+    /// In closed form.
+    Shape(Solid),
 }
 
 impl From<DistanceGrid> for DistanceField {
@@ -47,11 +54,26 @@ impl From<DistanceGrid> for DistanceField {
     }
 }
 
+impl From<Solid> for DistanceField {
+    fn from(solid: Solid) -> Self {
+        Self::Shape(solid)
+    }
+}
+
 impl DistanceField {
     /// The grid, if it is one.
     pub fn grid(&self) -> Option<&DistanceGrid> {
         match self {
             Self::Grid(grid) => Some(grid),
+            Self::Shape(_) => None,
+        }
+    }
+
+    /// The shape, if it is one.
+    pub fn shape(&self) -> Option<&Shape> {
+        match self {
+            Self::Grid(_) => None,
+            Self::Shape(solid) => Some(solid.shape()),
         }
     }
 
@@ -61,6 +83,7 @@ impl DistanceField {
     pub fn distance(&self, position: Vec3) -> f32 {
         match self {
             Self::Grid(grid) => grid.distance(position),
+            Self::Shape(solid) => solid.program().distance(position),
         }
     }
 
@@ -69,6 +92,7 @@ impl DistanceField {
     pub fn bounds(&self) -> (Vec3, Vec3) {
         match self {
             Self::Grid(grid) => (Vec3::ZERO, grid.last()),
+            Self::Shape(solid) => solid.bounds(),
         }
     }
 
@@ -77,6 +101,7 @@ impl DistanceField {
     pub fn threshold(&self) -> f32 {
         match self {
             Self::Grid(_) => GRID_THRESHOLD,
+            Self::Shape(_) => SHAPE_THRESHOLD,
         }
     }
 
@@ -84,6 +109,7 @@ impl DistanceField {
     pub fn distance_from_mesh(&self) -> DAffine3 {
         match self {
             Self::Grid(grid) => grid.header().grid_from_mesh(),
+            Self::Shape(solid) => solid.distance_from_mesh(),
         }
     }
 
@@ -91,6 +117,7 @@ impl DistanceField {
     pub fn bytes(&self) -> u64 {
         match self {
             Self::Grid(grid) => grid.header().bytes(),
+            Self::Shape(solid) => size_of_val(solid.program().nodes()) as u64,
         }
     }
 
@@ -106,3 +133,6 @@ impl DistanceField {
 /// Distance in voxels below which a ray has met the surface of a grid: all surfaces are inflated by as much. DESIGN §7 found 0.1
 /// for grids that were sampled; those that are fitted to the surface need less.
 pub const GRID_THRESHOLD: f32 = 0.05;
+
+/// Distance in a shape's units below which a ray has met its surface: a 3200th of its bounding radius.
+pub const SHAPE_THRESHOLD: f32 = 0.01;

@@ -10,8 +10,9 @@
 use glam::{Affine3A, DVec3, Mat3, Vec3, Vec4};
 use pulp::{Arch, NullaryFnOnce};
 
+use super::cones::{ConeDisc, ConeOccluder, ConeReceiver};
 use super::sampling::sphere_samples;
-use super::source::OcclusionSource;
+use super::source::{Answers, OcclusionSource, Wanted};
 use super::{FacingOccluder, Falloff, Receiver, blocked_share, cosine_direction};
 use crate::field::VisibilityField;
 use crate::field::cap_grid::cap::{CUTOFF, Cap, above_cutoff, cap_occlusion};
@@ -145,23 +146,25 @@ impl CapPlacement {
     }
 }
 
-/// An instance with a cap grid.
+/// An instance of which something is answered without rays: by its cap grid, by cones through its distances, or by both.
 #[derive(Clone, Copy, Debug)]
 pub struct CapOccluder<'a> {
     placement: Placement,
-    cap: CapPlacement,
     field: &'a VisibilityField,
-    grid: &'a CapGrid,
-    /// Whether receivers inside its box are left to rays.
-    rays_inside: bool,
+    grid: Option<(CapPlacement, &'a CapGrid)>,
+    cones: Option<ConeOccluder<'a>>,
+    /// What answers ambient occlusion.
+    source: OcclusionSource,
 }
 
 impl<'a> CapOccluder<'a> {
-    /// An instance of a field; `None` if the field has no cap grid.
-    pub fn new(placement: Placement, field: &'a VisibilityField) -> Option<Self> {
-        let (grid, cap_from_field) = (field.cap_grid()?, field.cap_from_field()?);
-        let rays_inside = OcclusionSource::of(field, true) == OcclusionSource::CapGridWithRaysInside;
-        Some(Self { placement, cap: CapPlacement::new(&cap_from_field, &placement), field, grid, rays_inside })
+    /// An instance of a field; `None` if the field has neither a cap grid nor distances.
+    pub fn new(placement: Placement, field: &'a VisibilityField, wanted: Wanted) -> Option<Self> {
+        let grid = field.cap_grid().zip(field.cap_from_field());
+        let grid = grid.map(|(grid, cap_from_field)| (CapPlacement::new(&cap_from_field, &placement), grid));
+        let cones = ConeOccluder::new(&placement, field);
+        let source = Answers::of(field).ambient(wanted);
+        (grid.is_some() || cones.is_some()).then_some(Self { placement, field, grid, cones, source })
     }
 
     /// Its bounding sphere, and the map to field space.
@@ -169,18 +172,32 @@ impl<'a> CapOccluder<'a> {
         &self.placement
     }
 
-    /// How much of a disc of the sky it hides, as [`CapGrid::light_occlusion`] has it, from 0 to 1, less what is left to rays.
-    /// Where the scale is uneven, the disc is taken for one of the same size in the mesh's space.
-    pub(super) fn light_occlusion(&self, position: Vec3, axis: Vec3, half_angle: f32) -> f32 {
-        let map = self.cap.cap_from_world;
-        let (local, axis) = (map.transform_point3(position), unit(map.transform_vector3(axis)));
-        let left = if self.rays_inside { 1.0 - self.grid.inside_share(local) } else { 1.0 };
-        above_cutoff(self.grid.light_occlusion(local, axis, half_angle) * left)
+    /// How much of a disc of the sky it hides, from 0 to 1, less what is left to rays: as [`CapGrid::light_occlusion`] has it, or
+    /// [a cone](crate::distance::cone). Where the scale is uneven, the disc is taken for one of the same size in the mesh's space.
+    pub(super) fn light_occlusion(&self, source: OcclusionSource, receiver: &ConeReceiver, disc: &ConeDisc) -> f32 {
+        let (mut occlusion, mut share_of_cones) = (0.0, source.share_of_cones(|| 0.0));
+        if let Some((cap, grid)) = self.grid.filter(|_| source.has_caps()) {
+            let map = cap.cap_from_world;
+            let (local, axis) = (map.transform_point3(receiver.position), unit(map.transform_vector3(disc.direction)));
+            share_of_cones = source.share_of_cones(|| grid.inside_share(local));
+            let left = 1.0 - source.share_of_rays(|| grid.inside_share(local)) - share_of_cones;
+            occlusion = above_cutoff(grid.light_occlusion(local, axis, disc.tangent.atan()) * left);
+        }
+        if let Some(cones) = self.cones.filter(|_| share_of_cones > 0.0) {
+            occlusion += share_of_cones * cones.occlusion(receiver, disc);
+        }
+        occlusion
+    }
+
+    fn has_rays_inside(&self) -> bool {
+        self.source == OcclusionSource::CapGridWithRaysInside
     }
 
     /// The [inside share](CapGrid::inside_share) of a receiver.
     pub(super) fn inside_share(&self, position: Vec3) -> f32 {
-        self.grid.inside_share(self.cap.cap_from_world.transform_point3(position))
+        let share =
+            |(cap, grid): (CapPlacement, &CapGrid)| grid.inside_share(cap.cap_from_world.transform_point3(position));
+        self.grid.map_or(0.0, share)
     }
 }
 
@@ -216,7 +233,8 @@ impl<'a> CapScene<'a> {
     /// invertible. Choose a point near the receivers: they are seen in single precision.
     pub fn new(scene: &'a Scene, origin: DVec3) -> Self {
         let placed = scene.place(origin).into_iter();
-        let occluders = placed.filter_map(|(placement, field)| CapOccluder::new(placement, field)).collect();
+        let occluders =
+            placed.filter_map(|(placement, field)| CapOccluder::new(placement, field, Wanted::CAPS)).collect();
         Self { origin, occluders, inside_samples: sphere_samples(INSIDE_RAYS) }
     }
 
@@ -235,7 +253,7 @@ impl<'a> CapScene<'a> {
     pub fn ambient_batch(&self, receivers: &[Receiver], settings: &CapSettings, answers: &mut [CapAmbient]) {
         assert_eq!(receivers.len(), answers.len(), "one answer per receiver");
         self.ask_grids(receivers, settings, answers);
-        if self.occluders.iter().any(|occluder| occluder.rays_inside) {
+        if self.occluders.iter().any(CapOccluder::has_rays_inside) {
             for (receiver, answer) in receivers.iter().zip(answers) {
                 let position = (receiver.position - self.origin).as_vec3();
                 *answer = self.with_rays_inside(*answer, position, receiver.normal, settings);
@@ -260,7 +278,7 @@ impl CapScene<'_> {
     /// Adds the occlusion of objects that leave this receiver to rays, or the share of it that they leave.
     fn with_rays_inside(&self, found: CapAmbient, position: Vec3, normal: Vec3, settings: &CapSettings) -> CapAmbient {
         let mut visibility = 1.0 - found.occlusion;
-        for occluder in self.occluders.iter().filter(|occluder| occluder.rays_inside) {
+        for occluder in self.occluders.iter().filter(|occluder| occluder.has_rays_inside()) {
             let share = occluder.inside_share(position);
             if share > 0.0 {
                 let facing = FacingOccluder::new(&occluder.placement, occluder.field, position, normal);
@@ -337,7 +355,7 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
     }
     let normals = &unit_normals;
     let mut directions = [Vectors::<N>::ZERO; K];
-    if SOFT {
+    if SOFT || occluders.iter().any(|occluder| occluder.source.has_cones()) {
         for k in 0..K {
             for lane in 0..N {
                 directions[k].set(lane, cosine_direction(normals.get(lane), points[k]));
@@ -366,37 +384,73 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
         if reach.iter().all(|reach| *reach <= 0.0) {
             continue;
         }
-        let map = Map::new(&occluder.cap);
-        let seen = Seen::new(occluder.grid, &map, positions);
+        let mut soft = [[0.0; N]; K];
         let mut occlusion = [0.0; N];
-        for lane in 0..N {
-            let normal = map.turned(normals.get(lane));
-            occlusion[lane] = cap_occlusion(seen.harmonics(lane), &seen.cap(lane), normal);
-        }
-        let stretched = occluder.cap.stretched;
-        if stretched > 0.0 {
-            let world_from_cap = occluder.cap.world_from_cap();
+        // What is left to cones.
+        let mut left = [occluder.source.share_of_cones(|| 1.0); N];
+        if let Some((cap, grid)) = occluder.grid.filter(|_| occluder.source.has_caps()) {
+            let map = Map::new(&cap);
+            let seen = Seen::new(grid, &map, positions);
             for lane in 0..N {
-                let cap = seen.cap(lane).mapped(&world_from_cap);
-                let mapped = cap_occlusion(cap.harmonics(), &cap, normals.get(lane));
-                occlusion[lane] += (mapped - occlusion[lane]) * stretched;
+                let normal = map.turned(normals.get(lane));
+                occlusion[lane] = cap_occlusion(seen.harmonics(lane), &seen.cap(lane), normal);
+            }
+            if cap.stretched > 0.0 {
+                let world_from_cap = cap.world_from_cap();
+                for lane in 0..N {
+                    let in_world = seen.cap(lane).mapped(&world_from_cap);
+                    let mapped = cap_occlusion(in_world.harmonics(), &in_world, normals.get(lane));
+                    occlusion[lane] += (mapped - occlusion[lane]) * cap.stretched;
+                }
+            }
+            if let Some(cones) = occluder.cones {
+                for lane in 0..N {
+                    occlusion[lane] = occlusion[lane].max(cones.contact(positions.get(lane), normals.get(lane)));
+                }
+            }
+            if occluder.source != OcclusionSource::CapGrid {
+                for lane in 0..N {
+                    left[lane] = grid.inside_share(seen.positions.get(lane));
+                    occlusion[lane] *= 1.0 - left[lane];
+                }
+            }
+            for lane in 0..N {
+                occlusion[lane] = above_cutoff(occlusion[lane] * reach[lane]);
+            }
+            if SOFT {
+                seen.soften(&map, &directions, &mut soft);
+                distribute(&mut soft, &occlusion);
+            } else {
+                for lane in 0..N {
+                    let towards = map.turned_back(seen.axes.get(lane));
+                    open.set(lane, open.get(lane) - towards * occlusion[lane]);
+                }
             }
         }
-        if occluder.rays_inside {
+        if let Some(cones) = occluder.cones.filter(|_| occluder.source.has_cones()) {
             for lane in 0..N {
-                occlusion[lane] *= 1.0 - occluder.grid.inside_share(seen.positions.get(lane));
+                let share = left[lane] * reach[lane];
+                if share > 0.0 {
+                    let receiver = ConeReceiver { position: positions.get(lane), normal: normals.get(lane) };
+                    let mut sum = 0.0;
+                    for k in 0..K {
+                        let disc = ConeDisc {
+                            direction: directions[k].get(lane),
+                            tangent: cone_tangent(K),
+                            distance: f32::INFINITY,
+                        };
+                        let hidden = share * cones.occlusion(&receiver, &disc);
+                        soft[k][lane] = (soft[k][lane] + hidden).min(1.0);
+                        sum += hidden;
+                    }
+                    occlusion[lane] = (occlusion[lane] + sum / K as f32).min(1.0);
+                }
             }
-        }
-        for lane in 0..N {
-            occlusion[lane] = above_cutoff(occlusion[lane] * reach[lane]);
         }
         if occlusion.iter().all(|occlusion| *occlusion <= 0.0) {
             continue;
         }
         if SOFT {
-            let mut soft = [[0.0; N]; K];
-            seen.soften(&map, &directions, &mut soft);
-            distribute(&mut soft, &occlusion);
             for k in 0..K {
                 for lane in 0..N {
                     visible[k][lane] *= 1.0 - soft[k][lane];
@@ -404,8 +458,6 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
             }
         } else {
             for lane in 0..N {
-                let towards = map.turned_back(seen.axes.get(lane));
-                open.set(lane, open.get(lane) - towards * occlusion[lane]);
                 visible[0][lane] *= 1.0 - occlusion[lane];
             }
         }
@@ -428,6 +480,12 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
         answers[lane] = CapAmbient { occlusion: 1.0 - visibility[lane], bent_normal };
     }
     answers
+}
+
+/// Tangent of the half-angle of one of `directions` cones that fill a hemisphere.
+fn cone_tangent(directions: usize) -> f32 {
+    let cosine = 1.0 - 1.0 / directions as f32;
+    (1.0 - cosine * cosine).sqrt() / cosine
 }
 
 /// The unit vector along what is open, above the surface; the normal itself if nothing is.

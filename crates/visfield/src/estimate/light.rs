@@ -1,9 +1,13 @@
 //! Lights with a size, as receivers see them: the twin of `shaders/light.wgsl`.
 
+use std::f32::consts::PI;
+
 use glam::{Vec2, Vec3};
 
+use super::cones::ConeDisc;
 use super::sampling::DiscBasis;
-use super::source::LARGE_LIGHT;
+use super::source::{Answers, LARGE_LIGHT, OcclusionSource, Wanted};
+use crate::field::VisibilityField;
 
 /// What shape a light has, as shaders know it.
 ///
@@ -78,12 +82,18 @@ pub struct LightView {
     pub sine: f32,
     /// Its cosine. Below 0 means: the light may be anywhere.
     pub cosine: f32,
+    /// Areas of a round disc with these radii that the light's is: 4/π of a rectangle.
+    pub areas: f32,
     /// What is beyond it is not between the receiver and the light.
     pub distance: f32,
 }
 
 /// Largest sine of the cone that a ball is seen in; nearer receivers, and those in it, see a disc of that size.
 pub(super) const WIDEST_SINE: f32 = 0.932_039_1;
+
+/// Tangents of the half-angles of discs that stand for lights: none is so small that it is a point, nor a hemisphere.
+const SMALLEST_TANGENT: f32 = 1.0e-3;
+const LARGEST_TANGENT: f32 = 1.0e3;
 
 /// Stands for no distance at all.
 pub(super) const SMALLEST_DISTANCE: f32 = 1.0e-18;
@@ -146,6 +156,12 @@ impl Light {
         self.kind == LightKind::Directional && self.cosine <= LARGE_LIGHT.cos()
     }
 
+    /// The part of a field to ask for it.
+    pub fn source(&self, field: &VisibilityField, wanted: Wanted) -> OcclusionSource {
+        let answers = Answers::of(field);
+        if self.is_large() { answers.large_lights(wanted) } else { answers.small_lights(wanted) }
+    }
+
     /// Whether it is one that passes can compute with; others are to be left out.
     pub fn is_finite(&self) -> bool {
         let vectors = [self.origin, self.tangent, self.bitangent, self.emission];
@@ -163,6 +179,7 @@ impl Light {
                 axis: self.origin,
                 sine: self.radius,
                 cosine: self.cosine,
+                areas: 1.0,
                 distance: ENDLESS,
             };
         }
@@ -176,7 +193,17 @@ impl Light {
             // The disc that the ball shows.
             let radius = distance * sine / cosine;
             let [tangent, bitangent] = orthonormal_pair(axis).map(|tangent| tangent * radius);
-            return LightView { to_center, tangent, bitangent, t_max: 1.0, axis, sine, cosine, distance: farthest };
+            return LightView {
+                to_center,
+                tangent,
+                bitangent,
+                t_max: 1.0,
+                axis,
+                sine,
+                cosine,
+                areas: 1.0,
+                distance: farthest,
+            };
         }
         let all = self.radius >= distance * WIDEST_SINE;
         LightView {
@@ -187,6 +214,7 @@ impl Light {
             axis,
             sine: if all { 0.0 } else { sine },
             cosine: if all { -1.0 } else { cosine },
+            areas: 4.0 / PI,
             distance: farthest,
         }
     }
@@ -210,6 +238,14 @@ impl LightView {
     /// It is as long as the way there is; for directional lights that is of no meaning.
     pub fn direction(&self, point: Vec2) -> Vec3 {
         self.to_center + self.tangent * point.x + self.bitangent * point.y
+    }
+
+    /// The round disc that stands for the light: as large as it shows itself, of a rectangle by the area that it shows.
+    pub fn disc(&self) -> ConeDisc {
+        let distance = self.to_center.length().max(SMALLEST_DISTANCE);
+        let area = self.tangent.cross(self.bitangent).dot(self.axis).abs() * self.areas;
+        let tangent = (area.sqrt() / distance).clamp(SMALLEST_TANGENT, LARGEST_TANGENT);
+        ConeDisc { direction: self.axis, tangent, distance: if self.t_max == ENDLESS { ENDLESS } else { distance } }
     }
 
     /// Whether a sphere, by its centre relative to the receiver, can block any ray towards the light.

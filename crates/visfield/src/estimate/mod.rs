@@ -2,6 +2,7 @@
 //! anything that is not a pixel (light probes, gameplay). [`frame`] has whole frames, and [`light`] lights of every kind.
 
 pub mod caps;
+pub mod cones;
 mod falloff;
 pub mod frame;
 pub mod harmonic_visibility;

@@ -29,7 +29,8 @@ pub use encoding::Encoding;
 pub use table::{ChordTable, MAX_SIDE, MAX_TABLE_BYTES, Representation, TableFormat};
 
 use crate::distance::DistanceField;
-use crate::distance::{DistanceGrid, MAX_VOXELS, MIN_VOXELS};
+use crate::distance::{DistanceGrid, MAX_VOXELS, MIN_VOXELS, Solid};
+use crate::shape::{Shape, ShapeError};
 use measured::Measured;
 
 /// The ellipsoid around the mesh that becomes the unit sphere of field space.
@@ -183,7 +184,7 @@ impl FieldParts {
 }
 
 /// Why a header and parts do not make a field.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum FieldError {
     /// The bounding ellipsoid has a number that is not finite, or no volume.
     #[error("the bounding ellipsoid needs a finite centre and three finite axes that span a volume")]
@@ -216,6 +217,9 @@ pub enum FieldError {
     /// A distance grid has a number that is not finite or out of range.
     #[error("the distance grid's points, place or distances are not finite, or out of range")]
     DistanceGrid,
+    /// A shape cannot be evaluated.
+    #[error(transparent)]
+    Shape(#[from] ShapeError),
     /// Something that was measured is not finite.
     #[error("what was measured of the field has a number that is not finite")]
     Measured,
@@ -286,6 +290,27 @@ impl VisibilityField {
         let distance_from_field =
             parts.distance.as_ref().map(|distance| (distance.distance_from_mesh() * mesh_from_field).as_affine3a());
         Ok(Self { header, parts, distance_from_field })
+    }
+
+    /// The field of a shape: it needs no baking. Its space is the shape's own.
+    ///
+    /// ```
+    /// use glam::Vec3;
+    /// use visfield::shape::Shape;
+    /// use visfield::{QueryOptions, Ray, VisibilityField};
+    /// let crate_of_2 = VisibilityField::of_shape(Shape::Box { half_extents: [1.0; 3] })?;
+    /// let ahead = Ray::new(crate_of_2.field_from_mesh().transform_point3(Vec3::X * -9.0), Vec3::X);
+    /// assert!(crate_of_2.occluded(&ahead, &QueryOptions::default()));
+    /// # Ok::<(), visfield::FieldError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`FieldError::Shape`] if it [cannot be evaluated](Shape::validate).
+    pub fn of_shape(shape: Shape) -> Result<Self, FieldError> {
+        let solid = Solid::new(shape)?;
+        let header =
+            FieldHeader { name: "shape".to_owned(), bounds: solid.sphere(), triangles: 0, measured: Vec::new() };
+        Self::new(header, FieldParts { distance: Some(solid.into()), ..FieldParts::default() })
     }
 
     /// The same field with another table of its mesh, without what was measured.

@@ -132,7 +132,8 @@ fn forged_lengths_allocate_nothing() {
 #[test]
 fn a_field_without_parts_is_an_error() {
     let ball = ball_field(0.5, 3, 3);
-    let entry = IndexEntry { header: ball.header().clone(), table: None, cap_grid: None, distance_grid: None };
+    let entry =
+        IndexEntry { header: ball.header().clone(), table: None, cap_grid: None, distance_grid: None, shape: None };
     let index = serde_json::to_string(&[entry]).unwrap();
     assert!(!index.contains("table"), "{index}");
     let empty = decode(&forge(&index, &[]));
@@ -296,4 +297,21 @@ fn forged_distance_grids_allocate_nothing() {
     ] {
         assert!(matches!(with(key, value.clone()), Err(DecodeError::Field { .. })), "{key}: {value}");
     }
+}
+
+#[test]
+fn shapes_round_trip() {
+    let ground = Shape::HalfSpace.moved([0.0, -1.0, 0.0]);
+    let fields = [
+        VisibilityField::of_shape(ground.union(Shape::Sphere { radius: 0.5 })).unwrap(),
+        VisibilityField::of_shape(Shape::Union(vec![])).unwrap(),
+    ];
+    for field in fields {
+        assert_eq!(decode(&encode(std::slice::from_ref(&field))).unwrap(), [field]);
+    }
+    let file = encode(&[VisibilityField::of_shape(Shape::Sphere { radius: 0.5 }).unwrap()]);
+    let index = String::from_utf8(file[PREAMBLE_BYTES..].to_vec()).unwrap();
+    assert!(decode(&forge(&index, &[])).is_ok(), "the forger's template itself is sound");
+    let negative = index.replace(r#""sphere":{"radius":0.5}"#, r#""sphere":{"radius":-0.5}"#);
+    assert!(matches!(decode(&forge(&negative, &[])), Err(DecodeError::Field { source: FieldError::Shape(_), .. })));
 }

@@ -4,21 +4,22 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Affine3A, Vec2};
 
 use super::FieldSlot;
+use crate::distance::DistanceField;
 use crate::estimate::Falloff;
 use crate::estimate::caps::{CapCombination, CapPlacement};
 use crate::estimate::frame::{Casting, MAX_LIGHTS, TraceSettings};
 use crate::estimate::light::Light;
 use crate::estimate::sampling::sphere_samples;
-use crate::estimate::source::OcclusionSource;
+use crate::estimate::source::{OcclusionSource, Wanted};
+use crate::field::cap_grid::CapPrecision;
 use crate::field::cap_grid::warp::AxisWarp;
-use crate::field::cap_grid::{CapPrecision, HarmonicOrder};
 use crate::field::{CapGrid, Encoding};
 use crate::scene::Placement;
 
 /// One occluder, `Instance` in `shaders/instance.wgsl`.
 ///
 /// ```
-/// assert_eq!(size_of::<visfield::gpu::layout::InstanceData>(), 160);
+/// assert_eq!(size_of::<visfield::gpu::layout::InstanceData>(), 208);
 /// ```
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -27,6 +28,8 @@ pub struct InstanceData {
     pub field_from_world: [[f32; 4]; 3],
     /// Rows of the affine map from the camera-relative world to the space of the cap grid.
     pub cap_from_world: [[f32; 4]; 3],
+    /// Rows of the affine map from the camera-relative world to the space of the distances.
+    pub distance_from_world: [[f32; 4]; 3],
     /// Centre of the bounding sphere, relative to the camera.
     pub center: [f32; 3],
     /// Radius of the bounding sphere, in world units.
@@ -42,8 +45,7 @@ pub struct InstanceData {
     pub encoding: u32,
     /// The number of the field's cap grid: where it starts in the pool, in headers.
     pub cap_grid: u32,
-    /// Which part answers ambient occlusion: 0 for [`OcclusionSource::None`], 1 for [`OcclusionSource::Rays`], 2 for
-    /// [`OcclusionSource::CapGrid`], 3 for [`OcclusionSource::CapGridWithRaysInside`].
+    /// Which part answers ambient occlusion, by its [number](source_number).
     pub ambient_source: u32,
     /// [`CapPlacement::stretched`]
     pub stretched: f32,
@@ -51,25 +53,31 @@ pub struct InstanceData {
     pub light_source: u32,
     /// 1 if it casts no shadows, plus 2 if it does not occlude its own surface.
     pub flags: u32,
+    /// The same for smaller lights.
+    pub small_light_source: u32,
+    /// Word of the pool at which the field's [`DistanceData`] starts; [`NO_DISTANCE`] if there is none.
+    pub distance: u32,
     /// Fills 16 bytes.
-    pub padding: [u32; 3],
+    pub padding: u32,
 }
 
+/// In the place of [`InstanceData::distance`].
+pub const NO_DISTANCE: u32 = u32::MAX;
+
 impl InstanceData {
-    /// An instance of the field in `slot`, placed relative to the camera. With `caps`, its cap grid answers ambient occlusion,
-    /// if it has one.
-    pub fn new(slot: &FieldSlot, placement: &Placement, casting: Casting, caps: bool) -> Self {
-        let answers_rays = slot.table().is_some();
-        let ambient = slot.cap_grid().map(|grid| grid.serves_inside);
-        let lights = slot.cap_grid().filter(|grid| grid.order == HarmonicOrder::Three).map(|grid| grid.serves_inside);
-        let ambient_source = OcclusionSource::choose(answers_rays, ambient, caps);
+    /// An instance of the field in `slot`, placed relative to the camera, whose parts are asked as wanted.
+    pub fn new(slot: &FieldSlot, placement: &Placement, casting: Casting, wanted: Wanted) -> Self {
+        let answers = slot.answers();
+        let ambient_source = if casting.ambient { answers.ambient(wanted) } else { OcclusionSource::None };
         let mut data = Self {
             field_from_world: rows(&placement.field_from_world),
             center: placement.center.to_array(),
             radius: placement.radius,
-            ambient_source: source_number(if casting.ambient { ambient_source } else { OcclusionSource::None }),
-            light_source: source_number(OcclusionSource::choose(answers_rays, lights, caps)),
+            ambient_source: source_number(ambient_source),
+            light_source: source_number(answers.large_lights(wanted)),
+            small_light_source: source_number(answers.small_lights(wanted)),
             flags: u32::from(!casting.shadows) | u32::from(!casting.own_surface) << 1,
+            distance: NO_DISTANCE,
             ..Self::zeroed()
         };
         if let Some(table) = slot.table() {
@@ -83,14 +91,17 @@ impl InstanceData {
             data.stretched = cap.stretched;
             data.cap_grid = grid.number;
         }
+        if let Some(distance) = slot.distance() {
+            data.distance_from_world = rows(&(distance.distance_from_field * placement.field_from_world));
+            data.distance = distance.first_word;
+        }
         data
     }
 }
 
 /// Whether a source, by its number, is one of those.
 pub(super) fn is_source(number: u32, of: fn(OcclusionSource) -> bool) -> bool {
-    use OcclusionSource::{CapGrid, CapGridWithRaysInside, None, Rays};
-    [None, Rays, CapGrid, CapGridWithRaysInside].into_iter().any(|source| of(source) && source_number(source) == number)
+    OcclusionSource::ALL.into_iter().any(|source| of(source) && source_number(source) == number)
 }
 
 fn rows(map: &Affine3A) -> [[f32; 4]; 3] {
@@ -181,6 +192,80 @@ pub fn cap_grid_words(grid: &CapGrid) -> Vec<u32> {
     words
 }
 
+/// What distances start with in the pool, `DistanceSource` in `shaders/distance.wgsl`. Their codes or nodes follow.
+///
+/// ```
+/// assert_eq!(size_of::<visfield::gpu::layout::DistanceData>(), 64);
+/// ```
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct DistanceData {
+    /// The lowest corner of a box that holds the surface, in the space of the distances.
+    pub low: [f32; 3],
+    /// How many nodes a shape has; `u32::MAX` for a grid.
+    pub nodes: u32,
+    /// The highest corner.
+    pub high: [f32; 3],
+    /// Word of the pool at which the codes or nodes start.
+    pub first_word: u32,
+    /// Codes of a row of the grid.
+    pub row: u32,
+    /// Codes of a layer of the grid.
+    pub layer: u32,
+    /// Bits of a code.
+    pub bits: u32,
+    /// Distance below which a ray has met the surface.
+    pub threshold: f32,
+    /// What code 0 stands for.
+    pub code_low: f32,
+    /// What a step of the codes stands for.
+    pub code_step: f32,
+    /// Fills 16 bytes.
+    pub padding: [u32; 2],
+}
+
+impl DistanceData {
+    /// Distances whose codes or nodes start at a word of the pool.
+    pub fn new(distance: &DistanceField, first_word: u32) -> Self {
+        let (low, high) = distance.bounds();
+        let data = Self {
+            low: low.to_array(),
+            nodes: u32::MAX,
+            high: high.to_array(),
+            first_word,
+            threshold: distance.threshold(),
+            ..Self::zeroed()
+        };
+        match distance {
+            DistanceField::Grid(grid) => {
+                let header = grid.header();
+                let [row, columns, _] = header.points;
+                Self {
+                    row,
+                    layer: row * columns,
+                    bits: 8 * header.format.precision.bytes() as u32,
+                    code_low: header.low,
+                    code_step: header.step(),
+                    ..data
+                }
+            }
+            DistanceField::Shape(solid) => Self { nodes: solid.program().nodes().len() as u32, ..data },
+        }
+    }
+}
+
+/// What follows the [`DistanceData`]: codes, and one word more than they fill, for the shader reads two at a time; or nodes.
+pub fn distance_words(distance: &DistanceField) -> Vec<u32> {
+    match distance {
+        DistanceField::Grid(grid) => {
+            let mut bytes = grid.bytes();
+            bytes.resize(bytes.len().next_multiple_of(4) + 4, 0);
+            bytes.as_chunks().0.iter().map(|&word| u32::from_le_bytes(word)).collect()
+        }
+        DistanceField::Shape(solid) => bytemuck::cast_slice(solid.program().nodes()).to_vec(),
+    }
+}
+
 /// A source as shaders know it.
 pub fn source_number(source: OcclusionSource) -> u32 {
     match source {
@@ -188,6 +273,8 @@ pub fn source_number(source: OcclusionSource) -> u32 {
         OcclusionSource::Rays => 1,
         OcclusionSource::CapGrid => 2,
         OcclusionSource::CapGridWithRaysInside => 3,
+        OcclusionSource::Cones => 4,
+        OcclusionSource::CapGridWithConesInside => 5,
     }
 }
 
@@ -268,7 +355,7 @@ pub struct FrameUniform {
     pub shadow_rays: u32,
     /// Number of `lights` in use.
     pub light_count: u32,
-    /// A bit for each of `lights` that cap grids hide.
+    /// A bit for each of `lights` that is [large](Light::is_large).
     pub large_lights: u32,
     /// Ambient occlusion ignores hits beyond this distance, in world units; finite.
     pub max_distance: f32,
@@ -309,7 +396,7 @@ impl FrameUniform {
         let (mut light_count, mut large_lights) = (0, 0);
         for (slot, light) in data.iter_mut().zip(lights) {
             *slot = light.into();
-            large_lights |= u32::from(settings.caps.is_some() && light.is_large()) << light_count;
+            large_lights |= u32::from(light.is_large()) << light_count;
             light_count += 1;
         }
         let (falloff, falloff_tau) = match settings.falloff {

@@ -31,13 +31,17 @@ pub use passes::{
     FrameInputs, MissingCapability, OUTPUT_FORMAT, OcclusionPasses, PassTimer, ScreenSpace, ScreenSpaceCombination,
     TILE_LOAD_SHOWN,
 };
-pub use pool::{CapGridSlot, FieldPool, FieldSlot, PoolError, PoolStatistics, TableSlot};
+pub use pool::{CapGridSlot, DistanceSlot, FieldPool, FieldSlot, PoolError, PoolStatistics, TableSlot};
 pub use view::OcclusionView;
 
 /// Functions over `pool`, the buffer of all fields, which the including shader declares.
-pub const FIELD_SOURCE: &str = include_str!("../shaders/field.wgsl");
+pub const FIELD_SOURCE: &str = concat!(include_str!("../shaders/bias.wgsl"), include_str!("../shaders/field.wgsl"));
 /// `shape_distance` over `pool`, as [`FIELD_SOURCE`] has it: the distance to a [shape](crate::shape) whose nodes are in it.
 pub const SHAPE_SOURCE: &str = include_str!("../shaders/shape.wgsl");
+const BIAS_SOURCE: &str = include_str!("../shaders/bias.wgsl");
+const DISTANCE_SOURCE: &str = include_str!("../shaders/distance.wgsl");
+const SPHERE_TRACE_SOURCE: &str = include_str!("../shaders/sphere_trace.wgsl");
+const CONE_SOURCE: &str = include_str!("../shaders/cone.wgsl");
 const FRAME_SOURCE: &str = include_str!("../shaders/frame.wgsl");
 const LIGHT_SOURCE: &str = include_str!("../shaders/light.wgsl");
 const INSTANCE_SOURCE: &str = include_str!("../shaders/instance.wgsl");
@@ -53,8 +57,9 @@ pub fn tiles_source() -> String {
 
 /// The trace pass, entry point `trace`.
 pub fn trace_source() -> String {
-    let occluders = [FIELD_SOURCE, FRAME_SOURCE, LIGHT_SOURCE, INSTANCE_SOURCE, LISTS_SOURCE, LISTED_SOURCE];
-    occluders.concat() + include_str!("../shaders/trace.wgsl")
+    let occluders = [FRAME_SOURCE, LIGHT_SOURCE, INSTANCE_SOURCE, LISTS_SOURCE, LISTED_SOURCE];
+    let fields = [FIELD_SOURCE, SHAPE_SOURCE, DISTANCE_SOURCE, SPHERE_TRACE_SOURCE];
+    [&fields[..], &occluders, &[include_str!("../shaders/trace.wgsl")]].concat().concat()
 }
 
 /// The denoise passes, entry points `denoise_rows` and `denoise_columns`.
@@ -67,9 +72,17 @@ pub fn accumulate_source() -> String {
     [FRAME_SOURCE, include_str!("../shaders/accumulate.wgsl")].concat()
 }
 
-/// The functions of cap grids, for the resolve pass.
+/// Functions over signed distances in `pool`, which the including shader declares: `distance_source(word)` reads what a
+/// [`DistanceSlot`] names, `field_distance` and `gradient` ask it, and `sphere_trace` follows rays.
+pub fn distance_source() -> String {
+    [BIAS_SOURCE, SHAPE_SOURCE, DISTANCE_SOURCE, SPHERE_TRACE_SOURCE].concat()
+}
+
+/// The functions of cap grids and of cones, for the resolve pass.
 pub fn caps_source() -> String {
-    [FRAME_SOURCE, LIGHT_SOURCE, INSTANCE_SOURCE, LISTS_SOURCE, LISTED_SOURCE, CAPS_SOURCE].concat()
+    let occluders =
+        [FRAME_SOURCE, LIGHT_SOURCE, INSTANCE_SOURCE, LISTS_SOURCE, LISTED_SOURCE, CONE_SOURCE, CAPS_SOURCE];
+    distance_source() + &occluders.concat()
 }
 
 /// The resolve pass, entry point `resolve`.

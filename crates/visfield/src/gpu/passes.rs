@@ -61,9 +61,9 @@ pub struct OcclusionPasses {
     denoise_rows: wgpu::ComputePipeline,
     denoise_columns: wgpu::ComputePipeline,
     accumulate: wgpu::ComputePipeline,
-    /// Without cap grids.
+    /// Of rays alone.
     resolve: wgpu::ComputePipeline,
-    /// Without and with large lights; each by [`CapCombination`]: product, soft caps over 8 and over 16 directions.
+    /// Without and with lights; each by [`CapCombination`]: product, soft caps over 8 and over 16 directions.
     resolve_caps: [[wgpu::ComputePipeline; 3]; 2],
 }
 
@@ -220,7 +220,7 @@ impl OcclusionPasses {
         let resolve = module("field occlusion resolve", resolve_source());
         let resolve_caps = |lights| {
             [(0.0, 8.0), (1.0, 8.0), (1.0, 16.0)].map(|(soft, directions)| {
-                let constants = [("SOFT_CAPS", soft), ("DIRECTIONS", directions), ("LARGE_LIGHTS", lights)];
+                let constants = [("SOFT_CAPS", soft), ("DIRECTIONS", directions), ("LIGHTS", lights)];
                 pipeline(&resolve, "resolve", &constants)
             })
         };
@@ -232,7 +232,7 @@ impl OcclusionPasses {
             denoise_rows: pipeline(&denoise, "denoise_rows", &[]),
             denoise_columns: pipeline(&denoise, "denoise_columns", &[]),
             accumulate: pipeline(&module("field occlusion accumulate", accumulate_source()), "accumulate", &[]),
-            resolve: pipeline(&resolve, "resolve", &[("CAPS", 0.0)]),
+            resolve: pipeline(&resolve, "resolve", &[("WITHOUT_RAYS", 0.0)]),
             resolve_caps: [0.0, 1.0].map(resolve_caps),
         }
     }
@@ -256,7 +256,7 @@ impl OcclusionPasses {
         let settings = inputs.settings.clamped();
         let lights = &inputs.lights[..inputs.lights.len().min(MAX_LIGHTS)];
         let instances = &inputs.instances[..inputs.instances.len().min(most_instances(&device.limits()))];
-        let Parts { caps, light_caps, rays } = parts(instances, lights, &settings);
+        let Parts { without_rays, lights_without_rays, rays } = parts(instances, lights, &settings);
 
         let pages = FrameInputs::pages(lights.len());
         let trace_size = settings.resolution.traced_size(size);
@@ -327,9 +327,9 @@ impl OcclusionPasses {
             });
         }
         encoded.group("resolve", |encoded| {
-            let pipeline = match settings.caps.filter(|_| caps) {
+            let pipeline = match Some(settings.caps.unwrap_or_default()).filter(|_| without_rays) {
                 Some(combination) => {
-                    let [product, over_8, over_16] = &self.resolve_caps[usize::from(light_caps)];
+                    let [product, over_8, over_16] = &self.resolve_caps[usize::from(lights_without_rays)];
                     match (combination, combination.directions()) {
                         (CapCombination::Product, _) => product,
                         (CapCombination::SoftCaps { .. }, 8) => over_8,
@@ -365,26 +365,26 @@ pub(super) fn most_instances(limits: &wgpu::Limits) -> usize {
 
 /// What a frame asks.
 struct Parts {
-    /// Cap grids, for ambient light or for large lights.
-    caps: bool,
-    /// Cap grids for large lights.
-    light_caps: bool,
-    /// Tables.
+    /// What needs no rays, for ambient light or for any light.
+    without_rays: bool,
+    /// What needs no rays, for any light.
+    lights_without_rays: bool,
     rays: bool,
 }
 
 fn parts(instances: &[InstanceData], lights: &[Light], settings: &TraceSettings) -> Parts {
-    let any = |of: fn(&InstanceData) -> bool| instances.iter().any(of);
-    let large = settings.caps.is_some() && lights.iter().any(Light::is_large);
-    let ambient_caps =
-        settings.caps.is_some() && any(|instance| is_source(instance.ambient_source, OcclusionSource::has_caps));
-    let light_caps = large && any(|instance| is_source(instance.light_source, OcclusionSource::has_caps));
-    let ambient_rays =
-        settings.ambient_rays > 0 && any(|instance| is_source(instance.ambient_source, OcclusionSource::has_rays));
-    let shadow_rays = settings.shadow_rays > 0
-        && (lights.iter().any(|light| !(large && light.is_large())) && any(|instance| instance.entries > 0)
-            || large && any(|instance| is_source(instance.light_source, OcclusionSource::has_rays)));
-    Parts { caps: ambient_caps || light_caps, light_caps, rays: ambient_rays || shadow_rays }
+    let any = |of: fn(&InstanceData) -> u32, is: fn(OcclusionSource) -> bool| {
+        instances.iter().any(|instance| is_source(of(instance), is))
+    };
+    let any_light = |is: fn(OcclusionSource) -> bool| {
+        lights.iter().any(Light::is_large) && any(|instance| instance.light_source, is)
+            || lights.iter().any(|light| !light.is_large()) && any(|instance| instance.small_light_source, is)
+    };
+    let ambient = any(|instance| instance.ambient_source, OcclusionSource::needs_no_rays);
+    let lights_without_rays = any_light(OcclusionSource::needs_no_rays);
+    let ambient_rays = settings.ambient_rays > 0 && any(|instance| instance.ambient_source, OcclusionSource::has_rays);
+    let shadow_rays = settings.shadow_rays > 0 && any_light(OcclusionSource::has_rays);
+    Parts { without_rays: ambient || lights_without_rays, lights_without_rays, rays: ambient_rays || shadow_rays }
 }
 
 /// Where passes are encoded.

@@ -8,7 +8,9 @@ use glam::Affine3A;
 use range_alloc::RangeAllocator;
 use thiserror::Error;
 
-use super::layout::{CapGridData, cap_grid_words};
+use super::layout::{CapGridData, DistanceData, cap_grid_words, distance_words};
+use crate::distance::DistanceField;
+use crate::estimate::source::Answers;
 use crate::field::cap_grid::HarmonicOrder;
 use crate::field::lookup::{Grid, TwoPointGrid};
 use crate::field::{BoundingEllipsoid, CapGrid, ChordTable, Encoding, VisibilityField};
@@ -77,12 +79,29 @@ pub struct CapGridSlot {
     pub cap_from_field: Affine3A,
 }
 
+/// Distances in the pool.
+///
+/// ```no_run
+/// # fn show(slot: &visfield::gpu::FieldSlot) {
+/// let first_word = slot.distance().map(|distance| distance.first_word);
+/// # }
+/// ```
+#[derive(Clone, Copy, Debug)]
+pub struct DistanceSlot {
+    /// Where they start, in words: their [`DistanceData`].
+    pub first_word: u32,
+    /// From field space to that of the distances.
+    pub distance_from_field: Affine3A,
+}
+
 /// Where a field lies in the pool. Give it back with [`FieldPool::remove`].
 #[derive(Debug)]
 pub struct FieldSlot {
     words: std::ops::Range<u64>,
     table: Option<TableSlot>,
     cap_grid: Option<CapGridSlot>,
+    distance: Option<DistanceSlot>,
+    answers: Answers,
     bounds: BoundingEllipsoid,
 }
 
@@ -95,6 +114,16 @@ impl FieldSlot {
     /// The field's cap grid, if it has one.
     pub fn cap_grid(&self) -> Option<&CapGridSlot> {
         self.cap_grid.as_ref()
+    }
+
+    /// The field's distances, if it has any.
+    pub fn distance(&self) -> Option<&DistanceSlot> {
+        self.distance.as_ref()
+    }
+
+    /// What the field can answer.
+    pub fn answers(&self) -> Answers {
+        self.answers
     }
 
     /// Bytes that it occupies.
@@ -143,19 +172,22 @@ pub struct FieldPool {
     statistics: PoolStatistics,
 }
 
-/// Where the parts of a field go, in words from the start of its place: the table, then whole headers: that of the cap grid, and
-/// room for its points. All places are whole headers too, so that a grid starts at one.
+/// Where the parts of a field go, in words from the start of its place: the table, then whole headers: that of the cap grid and
+/// room for its points, and that of the distances and room for them. All places are whole headers too, so that a grid starts at one.
 struct Plan {
-    header: u64,
+    cap_grid: u64,
+    distance: u64,
     total: u64,
 }
 
 impl Plan {
     fn new(field: &VisibilityField) -> Self {
         let table = field.table().map_or(0, |table| table.bytes().len() as u64).div_ceil(4);
-        let header = table.next_multiple_of(HEADER_WORDS);
+        let cap_grid = table.next_multiple_of(HEADER_WORDS);
         let caps = field.cap_grid().map_or(0, |grid| HEADER_WORDS + cap_grid_words(grid).len() as u64);
-        Self { header, total: (header + caps).next_multiple_of(HEADER_WORDS) }
+        let distance = (cap_grid + caps).next_multiple_of(HEADER_WORDS);
+        let distances = field.distance_field().map_or(0, |field| HEADER_WORDS + distance_words(field).len() as u64);
+        Self { cap_grid, distance, total: (distance + distances).next_multiple_of(HEADER_WORDS) }
     }
 }
 
@@ -221,7 +253,8 @@ impl FieldPool {
             None => None,
         };
         let table = field.table().map_or(&[][..], ChordTable::bytes);
-        let Plan { header: header_words, total: words } = Plan::new(field);
+        let plan = Plan::new(field);
+        let words = plan.total;
         let range = if let Ok(range) = self.words.allocate_range(words) {
             range
         } else {
@@ -236,11 +269,17 @@ impl FieldPool {
             last[..rest.len()].copy_from_slice(rest);
             queue.write_buffer(&self.buffer, range.start * 4 + whole.len() as u64, &last);
         }
-        let header_start = range.start + header_words;
+        let header_start = range.start + plan.cap_grid;
         if let Some(grid) = field.cap_grid() {
             self.write_header(queue, grid, header_start);
             let texels = cap_grid_words(grid);
             queue.write_buffer(&self.buffer, (header_start + HEADER_WORDS) * 4, bytemuck::cast_slice(&texels));
+        }
+        let distance_start = range.start + plan.distance;
+        if let Some(distance) = field.distance_field() {
+            self.write_distance_header(queue, distance, distance_start);
+            let words = distance_words(distance);
+            queue.write_buffer(&self.buffer, (distance_start + HEADER_WORDS) * 4, bytemuck::cast_slice(&words));
         }
         self.statistics.uploads += 1;
         self.statistics.uploaded_bytes += words * 4;
@@ -257,6 +296,10 @@ impl FieldPool {
                 serves_inside: grid.serves_inside(),
                 cap_from_field,
             }),
+            distance: field
+                .distance_from_field()
+                .map(|distance_from_field| DistanceSlot { first_word: distance_start as u32, distance_from_field }),
+            answers: Answers::of(field),
             bounds: field.header().bounds,
             words: range,
         })
@@ -296,7 +339,7 @@ impl FieldPool {
         let mut words = RangeAllocator::new(0..new);
         let mut encoder =
             device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("repack field pool") });
-        let mut headers = Vec::new();
+        let (mut headers, mut distances) = (Vec::new(), Vec::new());
         for (slot, field) in resident {
             let bytes = slot.bytes();
             let range = words.allocate_range(bytes / 4).expect("the buffer was made for all of them");
@@ -309,6 +352,11 @@ impl FieldPool {
                 grid.number = (start / HEADER_WORDS) as u32;
                 headers.push((cap_grid, start));
             }
+            if let Some((slot_distance, distance)) = slot.distance.as_mut().zip(field.distance_field()) {
+                let start = u64::from(slot_distance.first_word) - slot.words.start + range.start;
+                slot_distance.first_word = start as u32;
+                distances.push((distance, start));
+            }
             slot.words = range;
         }
         queue.submit([encoder.finish()]);
@@ -319,11 +367,20 @@ impl FieldPool {
         for (grid, start) in headers {
             self.write_header(queue, grid, start);
         }
+        for (distance, start) in distances {
+            self.write_distance_header(queue, distance, start);
+        }
     }
 
     /// Writes what a cap grid starts with, `start` words into the buffer.
     fn write_header(&self, queue: &wgpu::Queue, grid: &CapGrid, start: u64) {
         let header = CapGridData::new(grid, (start + HEADER_WORDS) as u32);
+        queue.write_buffer(&self.buffer, start * 4, bytemuck::bytes_of(&header));
+    }
+
+    /// Writes what distances start with, likewise.
+    fn write_distance_header(&self, queue: &wgpu::Queue, distance: &DistanceField, start: u64) {
+        let header = DistanceData::new(distance, (start + HEADER_WORDS) as u32);
         queue.write_buffer(&self.buffer, start * 4, bytemuck::bytes_of(&header));
     }
 

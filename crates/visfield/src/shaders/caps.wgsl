@@ -16,7 +16,6 @@ const Y0: f32 = 0.2820948;
 const Y1: f32 = 0.4886025;
 const TAU: f32 = 6.2831855;
 const SMALLEST_SOLID_ANGLE: f32 = 1.0e-6;
-const CONTACT_REACH: f32 = 0.06;
 const KNEE: f32 = 0.65;
 const CAP_SHARE: f32 = 0.75;
 const FARTHEST: f32 = 1.0e12;
@@ -166,11 +165,6 @@ fn above_cutoff(occlusion: f32) -> f32 {
     return occlusion * clamp(occlusion * (1.0 / CUTOFF) - 1.0, 0.0, 1.0);
 }
 
-// Part of no pass yet: it needs a distance field.
-fn contact_occlusion(distance: f32, radius: f32, facing: f32) -> f32 {
-    return clamp(1.0 - distance / (CONTACT_REACH * radius), 0.0, 1.0) * (1.0 - facing) * 0.5;
-}
-
 fn unit(v: vec3<f32>) -> vec3<f32> {
     return v * (1.0 / max(sqrt(dot(v, v)), SMALLEST));
 }
@@ -247,6 +241,53 @@ fn soften(
     }
 }
 
+// Tangent of the half-angle of one of as many cones as fill a hemisphere.
+fn cone_tangent() -> f32 {
+    let cosine = 1.0 - 1.0 / f32(DIRECTIONS);
+    return sqrt(1.0 - cosine * cosine) / cosine;
+}
+
+// What a receiver gets of an instance's cap grid, and of that in each direction.
+fn caps_of(
+    i: u32,
+    source: u32,
+    receiver: Receiver,
+    reach: f32,
+    directions: ptr<function, array<vec3<f32>, MAX_DIRECTIONS>>,
+    soft: ptr<function, array<f32, MAX_DIRECTIONS>>,
+    open: ptr<function, vec3<f32>>,
+) -> f32 {
+    let grid = instances[i].cap_grid;
+    let position = transform(instances[i].cap_from_world, vec4<f32>(receiver.position, 1.0));
+    let harmonics = plane_at(grid, 0u, grid_point(grid, position));
+    let seen = cap(harmonics);
+    let normal = unit(transform(instances[i].cap_from_world, vec4<f32>(receiver.normal, 0.0)));
+    var occlusion = cap_occlusion(harmonics, seen, normal);
+    let stretched = instances[i].stretched;
+    if stretched > 0.0 {
+        let in_world = mapped(seen, instances[i].cap_from_world);
+        occlusion += (cap_occlusion(cap_harmonics(in_world), in_world, receiver.normal) - occlusion) * stretched;
+    }
+    if instances[i].distance != NO_DISTANCE {
+        occlusion = max(occlusion, contact(i, receiver.position, receiver.normal));
+    }
+    if source != SOURCE_CAP_GRID {
+        occlusion *= 1.0 - inside_share(grid, position);
+    }
+    occlusion = above_cutoff(occlusion * reach);
+    if occlusion <= 0.0 {
+        return 0.0;
+    }
+    if SOFT_CAPS {
+        soften(i, seen, directions, soft);
+        distribute(soft, occlusion);
+    } else {
+        let rows = instances[i].cap_from_world;
+        *open -= unit(rows[0].xyz * seen.axis.x + rows[1].xyz * seen.axis.y + rows[2].xyz * seen.axis.z) * occlusion;
+    }
+    return occlusion;
+}
+
 fn ambient(receiver: Receiver, list: List) -> Ambient {
     let first_sample = frame.ambient_rays * 64u + frame.shadow_rays * 32u;
     var directions = array<vec3<f32>, MAX_DIRECTIONS>();
@@ -260,7 +301,7 @@ fn ambient(receiver: Receiver, list: List) -> Ambient {
         let entry = entry(list, k);
         let i = entry_index(entry);
         let source = instances[i].ambient_source;
-        if (entry & AMBIENT_BIT) == 0u || !has_caps(source) {
+        if (entry & AMBIENT_BIT) == 0u || !needs_no_rays(source) {
             continue;
         }
         let to_center = instances[i].center - receiver.position;
@@ -268,36 +309,32 @@ fn ambient(receiver: Receiver, list: List) -> Ambient {
         if reach <= 0.0 || is_spared(i, receiver) {
             continue;
         }
-        let grid = instances[i].cap_grid;
-        let position = transform(instances[i].cap_from_world, vec4<f32>(receiver.position, 1.0));
-        let harmonics = plane_at(grid, 0u, grid_point(grid, position));
-        let seen = cap(harmonics);
-        let normal = unit(transform(instances[i].cap_from_world, vec4<f32>(receiver.normal, 0.0)));
-        var occlusion = cap_occlusion(harmonics, seen, normal);
-        let stretched = instances[i].stretched;
-        if stretched > 0.0 {
-            let in_world = mapped(seen, instances[i].cap_from_world);
-            occlusion += (cap_occlusion(cap_harmonics(in_world), in_world, receiver.normal) - occlusion) * stretched;
+        var soft = array<f32, MAX_DIRECTIONS>();
+        var occlusion = 0.0;
+        if has_caps(source) {
+            occlusion = caps_of(i, source, receiver, reach, &directions, &soft, &open);
         }
-        if source == SOURCE_CAP_GRID_WITH_RAYS_INSIDE {
-            occlusion *= 1.0 - inside_share(grid, position);
+        let share = share_of_cones(source, i, receiver.position) * reach;
+        if share > 0.0 {
+            let tangent = cone_tangent();
+            var sum = 0.0;
+            for (var k = 0u; k < DIRECTIONS; k++) {
+                let disc = ConeDisc(directions[k], tangent, ENDLESS);
+                let hidden = share * cone_occlusion(i, receiver.position, receiver.normal, disc);
+                soft[k] = min(soft[k] + hidden, 1.0);
+                sum += hidden;
+            }
+            occlusion = min(occlusion + sum / f32(DIRECTIONS), 1.0);
         }
-        occlusion = above_cutoff(occlusion * reach);
         if occlusion <= 0.0 {
             continue;
         }
-        if !SOFT_CAPS {
-            let rows = instances[i].cap_from_world;
-            let towards = unit(rows[0].xyz * seen.axis.x + rows[1].xyz * seen.axis.y + rows[2].xyz * seen.axis.z);
-            open -= towards * occlusion;
+        if SOFT_CAPS {
+            for (var k = 0u; k < DIRECTIONS; k++) {
+                visible[k] *= 1.0 - soft[k];
+            }
+        } else {
             visible[0] *= 1.0 - occlusion;
-            continue;
-        }
-        var soft = array<f32, MAX_DIRECTIONS>();
-        soften(i, seen, &directions, &soft);
-        distribute(&soft, occlusion);
-        for (var k = 0u; k < DIRECTIONS; k++) {
-            visible[k] *= 1.0 - soft[k];
         }
     }
     let visibility = select(visible[0], mean(&visible), SOFT_CAPS);
@@ -363,38 +400,51 @@ fn light_occlusion(planes: array<vec4<f32>, 4>, axis: vec3<f32>, half_angle: f32
     return select(0.0, min(occlusion, 1.0), occlusion > 0.0);
 }
 
-// What cap grids leave of a large light.
+// What cap grids and cones leave of a light.
 fn light_visibility(receiver: Receiver, list: List, l: u32) -> f32 {
     let light = frame.lights[l];
     let view = seen_from(light, receiver.position);
     if !shines_on(light, view, receiver.normal) {
         return 1.0;
     }
-    let half_angle = atan2(view.sine, view.cosine);
+    let disc = disc(view);
     var visibility = 1.0;
     for (var k = 0u; k < list.count; k++) {
         let entry = entry(list, k);
         let i = entry_index(entry);
         let to_center = instances[i].center - receiver.position;
         let radius = instances[i].radius;
+        let source = source_for(i, l);
         if (entry & light_bit(l)) == 0u
-            || !has_caps(instances[i].light_source)
+            || !needs_no_rays(source)
             || !casts(i, l)
             || !above_surface(to_center, radius, receiver.normal)
             || !meets_light(view, to_center, radius)
             || is_spared(i, receiver) {
             continue;
         }
-        let grid = instances[i].cap_grid;
-        let position = transform(instances[i].cap_from_world, vec4<f32>(receiver.position, 1.0));
-        let at = grid_point(grid, position);
-        var planes = array<vec4<f32>, 4>();
-        for (var plane = 0u; plane < 4u; plane++) {
-            planes[plane] = plane_at(grid, plane, at);
+        var occlusion = 0.0;
+        let of_cones = share_of_cones(source, i, receiver.position);
+        if has_caps(source) {
+            let left = 1.0 - share_of_rays(source, i, receiver.position) - of_cones;
+            occlusion = above_cutoff(caps_light_occlusion(i, receiver.position, disc) * left);
         }
-        let axis = unit(transform(instances[i].cap_from_world, vec4<f32>(view.axis, 0.0)));
-        let left = 1.0 - share_of_rays(instances[i].light_source, i, receiver.position);
-        visibility *= 1.0 - above_cutoff(light_occlusion(planes, axis, half_angle) * left);
+        if of_cones > 0.0 {
+            occlusion += of_cones * cone_occlusion(i, receiver.position, receiver.normal, disc);
+        }
+        visibility *= 1.0 - occlusion;
     }
     return visibility;
+}
+
+// How much of a disc of the sky an instance's cap grid hides.
+fn caps_light_occlusion(i: u32, position: vec3<f32>, disc: ConeDisc) -> f32 {
+    let grid = instances[i].cap_grid;
+    let at = grid_point(grid, transform(instances[i].cap_from_world, vec4<f32>(position, 1.0)));
+    var planes = array<vec4<f32>, 4>();
+    for (var plane = 0u; plane < 4u; plane++) {
+        planes[plane] = plane_at(grid, plane, at);
+    }
+    let axis = unit(transform(instances[i].cap_from_world, vec4<f32>(disc.direction, 0.0)));
+    return light_occlusion(planes, axis, atan(disc.tangent));
 }

@@ -45,11 +45,6 @@ struct Snapped {
     center: vec3<f32>,
 }
 
-struct Bias {
-    height: f32,
-    along: f32,
-}
-
 fn fold(uv: vec2<f32>) -> vec2<f32> {
     return (1.0 - abs(uv.yx)) * select(vec2<f32>(-1.0), vec2<f32>(1.0), uv >= vec2<f32>(0.0));
 }

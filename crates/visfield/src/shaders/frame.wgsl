@@ -16,7 +16,7 @@ struct Frame {
     ambient_rays: u32,
     shadow_rays: u32,
     light_count: u32,
-    // A bit for each light that cap grids hide.
+    // A bit for each light that is large enough for cap grids.
     large_lights: u32,
     max_distance: f32,
     bias_height: f32,

@@ -6,6 +6,10 @@ const SOURCE_NONE: u32 = 0u;
 const SOURCE_RAYS: u32 = 1u;
 const SOURCE_CAP_GRID: u32 = 2u;
 const SOURCE_CAP_GRID_WITH_RAYS_INSIDE: u32 = 3u;
+const SOURCE_CONES: u32 = 4u;
+const SOURCE_CAP_GRID_WITH_CONES_INSIDE: u32 = 5u;
+// In the place of where distances start.
+const NO_DISTANCE: u32 = 0xffffffffu;
 
 // Layout: gpu/layout.rs, `InstanceData`.
 struct Instance {
@@ -13,6 +17,8 @@ struct Instance {
     field_from_world: array<vec4<f32>, 3>,
     // Rows of the affine map from the camera-relative world to the space of the cap grid.
     cap_from_world: array<vec4<f32>, 3>,
+    // Rows of the affine map from the camera-relative world to the space of the distances.
+    distance_from_world: array<vec4<f32>, 3>,
     center: vec3<f32>,
     radius: f32,
     // The table; without one `entries` is 0.
@@ -29,6 +35,11 @@ struct Instance {
     light_source: u32,
     // NO_SHADOWS, NO_OWN_SURFACE
     flags: u32,
+    // Of smaller lights.
+    small_light_source: u32,
+    // Word of the pool at which its distances start.
+    distance: u32,
+    padding: u32,
 }
 
 // It casts no shadows.
@@ -51,10 +62,10 @@ fn scaled_rows(rows: array<vec4<f32>, 3>) -> array<vec3<f32>, 3> {
     return array<vec3<f32>, 3>(rows[0].xyz / largest, rows[1].xyz / largest, rows[2].xyz / largest);
 }
 
-// The normal in field space of a surface with this normal in the world: by the cofactors of the linear map, which are its
-// inverse transpose up to a factor.
-fn field_normal(instance: Instance, normal: vec3<f32>) -> vec3<f32> {
-    let rows = scaled_rows(instance.field_from_world);
+// The unit normal of a surface with this normal after an affine map: by the cofactors of the linear map, which are its inverse
+// transpose up to a factor.
+fn mapped_normal(map: array<vec4<f32>, 3>, normal: vec3<f32>) -> vec3<f32> {
+    let rows = scaled_rows(map);
     let x = rows[0];
     let y = rows[1];
     let z = rows[2];
@@ -113,7 +124,7 @@ fn inside_share(grid: u32, position: vec3<f32>) -> f32 {
 }
 
 // Which share of its rays a receiver at a position of the world sends to an instance that is asked so. What is not sent, its
-// cap grid answers, if that is asked at all.
+// cap grid or its distances answer, if they are asked at all.
 fn share_of_rays(source: u32, instance: u32, position: vec3<f32>) -> f32 {
     switch source {
         case SOURCE_RAYS: { return 1.0; }
@@ -125,8 +136,28 @@ fn share_of_rays(source: u32, instance: u32, position: vec3<f32>) -> f32 {
     }
 }
 
+// Which share of what a receiver gets comes from cones, likewise.
+fn share_of_cones(source: u32, instance: u32, position: vec3<f32>) -> f32 {
+    switch source {
+        case SOURCE_CONES: { return 1.0; }
+        case SOURCE_CAP_GRID_WITH_CONES_INSIDE: {
+            let local = transform(instances[instance].cap_from_world, vec4<f32>(position, 1.0));
+            return inside_share(instances[instance].cap_grid, local);
+        }
+        default: { return 0.0; }
+    }
+}
+
 fn has_caps(source: u32) -> bool {
-    return source == SOURCE_CAP_GRID || source == SOURCE_CAP_GRID_WITH_RAYS_INSIDE;
+    return source == SOURCE_CAP_GRID || source == SOURCE_CAP_GRID_WITH_RAYS_INSIDE || source == SOURCE_CAP_GRID_WITH_CONES_INSIDE;
+}
+
+fn has_cones(source: u32) -> bool {
+    return source == SOURCE_CONES || source == SOURCE_CAP_GRID_WITH_CONES_INSIDE;
+}
+
+fn needs_no_rays(source: u32) -> bool {
+    return has_caps(source) || has_cones(source);
 }
 
 // Whether a ray belongs to the share that is sent.
@@ -135,15 +166,19 @@ fn is_sent(ray: u32, residue: u32, share: f32) -> bool {
     return f32(turn) * (1.0 / 16777216.0) < share;
 }
 
-// Whether a light is hidden by cap grids.
+// Whether a light is large enough for cap grids.
 fn is_large(light: u32) -> bool {
     return ((frame.large_lights >> light) & 1u) != 0u;
 }
 
+// Which part of an instance is asked for a light.
+fn source_for(instance: u32, light: u32) -> u32 {
+    return select(instances[instance].small_light_source, instances[instance].light_source, is_large(light));
+}
+
 // Whether an instance can hide any of a light.
 fn casts(instance: u32, light: u32) -> bool {
-    let has_part = select(instances[instance].entries > 0u, instances[instance].light_source != SOURCE_NONE, is_large(light));
-    return has_part && (instances[instance].flags & NO_SHADOWS) == 0u;
+    return source_for(instance, light) != SOURCE_NONE && (instances[instance].flags & NO_SHADOWS) == 0u;
 }
 
 // Whether an instance is the receiver's own, as far as is known, and does not occlude it.

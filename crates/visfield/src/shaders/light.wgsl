@@ -6,6 +6,9 @@ const RECTANGLE: u32 = 2u;
 const WIDEST_SINE: f32 = 0.9320391;
 const SMALLEST_DISTANCE: f32 = 1.0e-18;
 const ENDLESS: f32 = 3.0e38;
+const PI: f32 = 3.1415927;
+const SMALLEST_TANGENT: f32 = 1.0e-3;
+const LARGEST_TANGENT: f32 = 1.0e3;
 
 // A light from one point: where its points lie, and a cone that holds them all.
 struct LightView {
@@ -19,6 +22,8 @@ struct LightView {
     axis: vec3<f32>,
     sine: f32,
     cosine: f32,
+    // Areas of a round disc with these radii that the light's is: 4/π of a rectangle.
+    areas: f32,
     // Beyond it nothing is between the receiver and the light.
     distance: f32,
 }
@@ -28,7 +33,7 @@ fn seen_from(light: Light, position: vec3<f32>) -> LightView {
     if light.kind == DIRECTIONAL {
         return LightView(
             light.origin, light.tangent, light.bitangent, ENDLESS,
-            light.origin, light.radius, light.cosine, ENDLESS,
+            light.origin, light.radius, light.cosine, 1.0, ENDLESS,
         );
     }
     let to_center = light.origin - position;
@@ -41,12 +46,12 @@ fn seen_from(light: Light, position: vec3<f32>) -> LightView {
         // The disc that the sphere shows.
         let radius = distance * sine / cosine;
         let basis = orthonormal_pair(axis);
-        return LightView(to_center, basis[0] * radius, basis[1] * radius, 1.0, axis, sine, cosine, farthest);
+        return LightView(to_center, basis[0] * radius, basis[1] * radius, 1.0, axis, sine, cosine, 1.0, farthest);
     }
     let all = light.radius >= distance * WIDEST_SINE;
     return LightView(
         to_center, light.tangent, light.bitangent, 1.0,
-        axis, select(sine, 0.0, all), select(cosine, -1.0, all), farthest,
+        axis, select(sine, 0.0, all), select(cosine, -1.0, all), 4.0 / PI, farthest,
     );
 }
 
@@ -83,4 +88,19 @@ fn meets_light(view: LightView, to_center: vec3<f32>, radius: f32) -> bool {
     let across = length(to_center - view.axis * along);
     let in_cone = along > -radius && across * view.cosine - along * view.sine < radius;
     return (in_cone || view.cosine < 0.0) && along - radius < view.distance;
+}
+
+// A round disc of the sky.
+struct ConeDisc {
+    direction: vec3<f32>,
+    tangent: f32,
+    distance: f32,
+}
+
+// The round disc that stands for a light: LightView::disc.
+fn disc(view: LightView) -> ConeDisc {
+    let distance = max(length(view.to_center), SMALLEST_DISTANCE);
+    let area = abs(dot(cross(view.tangent, view.bitangent), view.axis)) * view.areas;
+    let tangent = clamp(sqrt(area) / distance, SMALLEST_TANGENT, LARGEST_TANGENT);
+    return ConeDisc(view.axis, tangent, select(distance, ENDLESS, view.t_max == ENDLESS));
 }

@@ -1,10 +1,10 @@
-// The resolve pass: joins what cap grids give, what was traced and filtered, and Bevy's own screen-space ambient occlusion, and
+// The resolve pass: joins what cap grids and cones give, what was traced and filtered, and Bevy's own screen-space ambient occlusion, and
 // writes the frame. Twin: estimate/frame/resolve.rs. Joined after frame.wgsl, light.wgsl, instance.wgsl, lists.wgsl, listed.wgsl,
 // caps.wgsl and surface.wgsl.
 
-// Whether cap grids are asked: for ambient occlusion, and for large lights.
-override CAPS: bool = true;
-override LARGE_LIGHTS: bool = false;
+// Whether cap grids or cones are asked: at all, and for lights.
+override WITHOUT_RAYS: bool = true;
+override LIGHTS: bool = false;
 
 // Visibility, by pages.
 @group(0) @binding(8) var output_texture: texture_storage_2d<rgba16float, write>;
@@ -88,14 +88,12 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
             }
         }
         let list = list_at(pixel);
-        if CAPS && (receiver.flags & NO_AMBIENT) == 0u {
+        if WITHOUT_RAYS && (receiver.flags & NO_AMBIENT) == 0u {
             visibility[0].x *= 1.0 - ambient(receiver, list).occlusion;
         }
-        for (var l = 0u; LARGE_LIGHTS && l < frame.light_count; l++) {
-            if is_large(l) {
-                let channel = l + 1u;
-                visibility[channel / 4u][channel % 4u] *= light_visibility(receiver, list, l);
-            }
+        for (var l = 0u; LIGHTS && l < frame.light_count; l++) {
+            let channel = l + 1u;
+            visibility[channel / 4u][channel % 4u] *= light_visibility(receiver, list, l);
         }
         // No receiver of ours is also none that is upsampled from its neighbours.
         let of_fields = select(pow(max(visibility[0].x, SMALLEST), frame.intensity), 1.0, (receiver.flags & NO_AMBIENT) != 0u);

@@ -33,7 +33,6 @@ fn ambient_occlusion(receiver: Receiver, list: List, residue: u32) -> f32 {
         let radius = instances[i].radius;
         // What lies wholly below the horizon blocks no ray that counts.
         if (entry & AMBIENT_BIT) == 0u
-            || instances[i].entries == 0u
             || !above_surface(to_center, radius, receiver.normal)
             || !within_reach(to_center, radius) {
             continue;
@@ -42,9 +41,7 @@ fn ambient_occlusion(receiver: Receiver, list: List, residue: u32) -> f32 {
         if share <= 0.0 || is_spared(i, receiver) {
             continue;
         }
-        let origin = transform(instances[i].field_from_world, vec4<f32>(receiver.position, 1.0));
-        let shape = table_shape(i);
-        let normal = field_normal(instances[i], receiver.normal);
+        let asked = asked(i, receiver);
         var rays = open;
         while rays != 0u {
             let ray = firstTrailingBit(rays);
@@ -54,8 +51,7 @@ fn ambient_occlusion(receiver: Receiver, list: List, residue: u32) -> f32 {
             }
             let point = samples[ray * stride + residue];
             let direction = cosine_direction(receiver.normal, point.xyz);
-            let along = transform(instances[i].field_from_world, vec4<f32>(direction, 0.0));
-            if occluded(shape, origin, along, point.w, normal, bias) {
+            if blocks_ray(asked, i, direction, point.w, bias) {
                 open &= ~(1u << ray);
             }
         }
@@ -88,22 +84,16 @@ fn light_occlusion(receiver: Receiver, list: List, residue: u32, l: u32) -> f32 
         let to_center = instances[i].center - receiver.position;
         let radius = instances[i].radius;
         if (entry & light_bit(l)) == 0u
-            || instances[i].entries == 0u
             || !casts(i, l)
             || !above_surface(to_center, radius, receiver.normal)
             || !meets_light(view, to_center, radius) {
             continue;
         }
-        var share = 1.0;
-        if is_large(l) {
-            share = share_of_rays(instances[i].light_source, i, receiver.position);
-        }
+        let share = share_of_rays(source_for(i, l), i, receiver.position);
         if share <= 0.0 || is_spared(i, receiver) {
             continue;
         }
-        let origin = transform(instances[i].field_from_world, vec4<f32>(receiver.position, 1.0));
-        let shape = table_shape(i);
-        let normal = field_normal(instances[i], receiver.normal);
+        let asked = asked(i, receiver);
         var rays = open;
         while rays != 0u {
             let ray = firstTrailingBit(rays);
@@ -112,8 +102,7 @@ fn light_occlusion(receiver: Receiver, list: List, residue: u32, l: u32) -> f32 
                 continue;
             }
             let direction = light_direction(view, samples[first_sample + ray * stride].xy);
-            let along = transform(instances[i].field_from_world, vec4<f32>(direction, 0.0));
-            if occluded(shape, origin, along, view.t_max, normal, bias) {
+            if blocks_ray(asked, i, direction, view.t_max, bias) {
                 open &= ~(1u << ray);
             }
         }
@@ -123,6 +112,39 @@ fn light_occlusion(receiver: Receiver, list: List, residue: u32, l: u32) -> f32 
 
 fn table_shape(i: u32) -> TableShape {
     return TableShape(instances[i].first_byte, instances[i].entries, instances[i].exits, instances[i].encoding);
+}
+
+// An instance as a receiver asks it: the receiver in the space of the table, or of the distances.
+struct Asked {
+    origin: vec3<f32>,
+    normal: vec3<f32>,
+    by_distance: bool,
+    shape: TableShape,
+    source: DistanceSource,
+}
+
+// VisibilityField::answering: of a composite, the table from outside the bounds and the distances from inside.
+fn asked(i: u32, receiver: Receiver) -> Asked {
+    let origin = transform(instances[i].field_from_world, vec4<f32>(receiver.position, 1.0));
+    let distance = instances[i].distance;
+    let by_distance = distance != NO_DISTANCE && (instances[i].entries == 0u || dot(origin, origin) < 1.0);
+    if by_distance {
+        let rows = instances[i].distance_from_world;
+        let local = transform(rows, vec4<f32>(receiver.position, 1.0));
+        return Asked(local, mapped_normal(rows, receiver.normal), true, TableShape(), distance_source(distance));
+    }
+    let normal = mapped_normal(instances[i].field_from_world, receiver.normal);
+    return Asked(origin, normal, false, table_shape(i), DistanceSource());
+}
+
+// Whether it blocks the ray in a direction of the world: FacingOccluder::blocks.
+fn blocks_ray(asked: Asked, i: u32, direction: vec3<f32>, t_max: f32, bias: Bias) -> bool {
+    if asked.by_distance {
+        let along = transform(instances[i].distance_from_world, vec4<f32>(direction, 0.0));
+        return distance_occluded(asked.source, asked.origin, along, t_max, asked.normal, bias);
+    }
+    let along = transform(instances[i].field_from_world, vec4<f32>(direction, 0.0));
+    return occluded(asked.shape, asked.origin, along, t_max, asked.normal, bias);
 }
 
 @compute @workgroup_size(8, 8)

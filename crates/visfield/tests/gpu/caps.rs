@@ -5,6 +5,7 @@ use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3};
 use visfield::estimate::caps::{CapCombination, CapOccluder, CapSettings, ambient};
 use visfield::estimate::frame::Casting;
 use visfield::estimate::sampling::sphere_samples;
+use visfield::estimate::source::Wanted;
 use visfield::field::cap_grid::cap::contact_occlusion;
 use visfield::field::example_caps;
 use visfield::gpu::FieldPool;
@@ -64,7 +65,8 @@ fn receivers_get_what_they_get_from_the_twins() {
         ),
     ]
     .map(|place| Placement::new(&field.header().bounds, place, DVec3::ZERO).unwrap());
-    let occluders: Vec<_> = placements.iter().map(|place| CapOccluder::new(*place, &field).unwrap()).collect();
+    let occluders: Vec<_> =
+        placements.iter().map(|place| CapOccluder::new(*place, &field, Wanted::CAPS).unwrap()).collect();
     let probes = probes();
     for combination in [CapCombination::Product, CapCombination::default(), CapCombination::SoftCaps { directions: 16 }]
     {
@@ -73,7 +75,7 @@ fn receivers_get_what_they_get_from_the_twins() {
             &device,
             &queue,
             &pool,
-            &placements.map(|place| InstanceData::new(&slot, &place, Casting::default(), true)),
+            &placements.map(|place| InstanceData::new(&slot, &place, Casting::default(), Wanted::CAPS)),
             &settings,
             &probes,
         );

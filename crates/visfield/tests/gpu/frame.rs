@@ -180,14 +180,14 @@ fn read_pages(device: &wgpu::Device, queue: &wgpu::Queue, texture: &wgpu::Textur
 }
 
 /// What occludes: fields, and instances of them by the fields' numbers.
-struct Occluders {
+pub(crate) struct Occluders {
     fields: Vec<VisibilityField>,
     placements: Vec<(Placement, usize)>,
     casting: Vec<Casting>,
 }
 
 impl Occluders {
-    fn new(fields: Vec<VisibilityField>, instances: impl IntoIterator<Item = (usize, DAffine3)>) -> Self {
+    pub(crate) fn new(fields: Vec<VisibilityField>, instances: impl IntoIterator<Item = (usize, DAffine3)>) -> Self {
         let place = |(field, world_from_mesh): (usize, DAffine3)| {
             let bounds = &fields[field].header().bounds;
             (Placement::new(bounds, world_from_mesh, DVec3::ZERO).unwrap(), field)
@@ -198,7 +198,7 @@ impl Occluders {
 }
 
 /// The frame of the passes, and that of their twins, encoded alike.
-fn frames(
+pub(crate) fn frames(
     device: &wgpu::Device,
     queue: &wgpu::Queue,
     occluders: &Occluders,
@@ -247,9 +247,7 @@ fn gpu_frame(
         .placements
         .iter()
         .zip(&occluders.casting)
-        .map(|((placement, field), casting)| {
-            InstanceData::new(&slots[*field], placement, *casting, settings.caps.is_some())
-        })
+        .map(|((placement, field), casting)| InstanceData::new(&slots[*field], placement, *casting, settings.wanted()))
         .collect();
     let normals: Vec<u8> = geometry
         .normals
@@ -303,7 +301,7 @@ fn gpu_frame(
 }
 
 /// How many pixels show occlusion, by channel, and how many differ by more than a step of the bytes that are filtered.
-fn compare([gpu, cpu]: &[Vec<Channels>; 2]) -> (Channels, usize) {
+pub(crate) fn compare([gpu, cpu]: &[Vec<Channels>; 2]) -> (Channels, usize) {
     let touched = |channel: usize| cpu.iter().filter(|pixel| pixel[channel] < 0.95).count() as f32;
     let differs =
         |(gpu, cpu): &(&Channels, &Channels)| gpu.iter().zip(*cpu).any(|(gpu, cpu)| (gpu - cpu).abs() > 0.005);
@@ -313,7 +311,7 @@ fn compare([gpu, cpu]: &[Vec<Channels>; 2]) -> (Channels, usize) {
     (touched, differing)
 }
 
-fn squeezed() -> DAffine3 {
+pub(crate) fn squeezed() -> DAffine3 {
     DAffine3::from_scale_rotation_translation(
         dvec3(0.4, -1.2, 0.7),
         glam::DQuat::from_euler(EulerRot::XYZ, 0.4, 0.5, 0.6),
@@ -321,7 +319,7 @@ fn squeezed() -> DAffine3 {
     )
 }
 
-fn moved(x: f64, y: f64, z: f64) -> DAffine3 {
+pub(crate) fn moved(x: f64, y: f64, z: f64) -> DAffine3 {
     DAffine3::from_translation(dvec3(x, y, z))
 }
 
@@ -376,7 +374,7 @@ fn caps_of_all_kinds() -> Vec<VisibilityField> {
 }
 
 /// Lights of every kind, near and far, more than one page holds.
-fn all_lights() -> [Light; MAX_LIGHTS] {
+pub(crate) fn all_lights() -> [Light; MAX_LIGHTS] {
     let ball = Light::sphere(vec3(0.6, -0.2, -2.0), 0.3, 20.0);
     let spot = Light::spot(vec3(-0.8, 0.0, -1.6), 0.1, 20.0, vec3(0.3, -0.9, -0.3).normalize(), 0.7);
     let panel = Light::rectangle(vec3(0.0, -0.1, -3.0), Vec3::X * 0.8, Vec3::Z * 0.3, -Vec3::Y, 20.0);

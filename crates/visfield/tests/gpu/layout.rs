@@ -46,6 +46,7 @@ fn rust_layouts_are_the_shaders_layouts() {
         &[
             ("field_from_world", offset_of!(InstanceData, field_from_world)),
             ("cap_from_world", offset_of!(InstanceData, cap_from_world)),
+            ("distance_from_world", offset_of!(InstanceData, distance_from_world)),
             ("center", offset_of!(InstanceData, center)),
             ("radius", offset_of!(InstanceData, radius)),
             ("first_byte", offset_of!(InstanceData, first_byte)),
@@ -57,6 +58,9 @@ fn rust_layouts_are_the_shaders_layouts() {
             ("stretched", offset_of!(InstanceData, stretched)),
             ("light_source", offset_of!(InstanceData, light_source)),
             ("flags", offset_of!(InstanceData, flags)),
+            ("small_light_source", offset_of!(InstanceData, small_light_source)),
+            ("distance", offset_of!(InstanceData, distance)),
+            ("padding", offset_of!(InstanceData, padding)),
         ],
     );
     assert_layout(

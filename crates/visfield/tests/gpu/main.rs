@@ -2,6 +2,7 @@
 
 mod caps;
 mod device;
+mod distances;
 mod frame;
 mod layout;
 mod lookup;

@@ -101,7 +101,7 @@ impl Stage {
             .iter()
             .filter(|_| occluded)
             .map(|(field, placement)| {
-                InstanceData::new(&self.slots[*field], placement, Casting::default(), settings.caps.is_some())
+                InstanceData::new(&self.slots[*field], placement, Casting::default(), settings.wanted())
             })
             .collect();
         let view_of = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());

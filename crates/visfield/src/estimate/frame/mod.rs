@@ -13,12 +13,14 @@ pub mod trace;
 use glam::{Mat4, UVec2, Vec2, Vec3, Vec4, uvec2, vec2};
 
 use super::caps::{CapCombination, CapSettings};
+use super::cones::ConeReceiver;
 use super::falloff::Falloff;
 use super::light::Light;
 use super::sampling::{
     AMBIENT_INTERLEAVE_BITS, LIGHT_INTERLEAVE_BITS, disc_samples, residues, rotated, shifted, sphere_samples,
     square_samples, uneven_levels,
 };
+use super::source::Wanted;
 use crate::field::VisibilityField;
 use crate::field::query::Bias;
 use crate::scene::Placement;
@@ -75,6 +77,9 @@ pub struct TraceSettings {
     /// Whether ambient occlusion, and that of [large lights](Light::is_large), comes from the cap grids of fields that have
     /// one for it, and how they combine. Others get rays.
     pub caps: Option<CapCombination>,
+    /// Whether lights that no cap grid hides are hidden by [cones](crate::estimate::cones) through the distances of fields that
+    /// have them; and with `caps`, ambient occlusion where no cap grid answers, or is wrong. Others get rays.
+    pub cones: bool,
     /// Ambient occlusion rays per pixel, 0 (none) to [`MAX_RAYS`]. The denoiser sees 64 times as many. Without rays, fields that
     /// no cap grid answers for do not occlude, and neither do others where their grid leaves receivers to rays.
     pub ambient_rays: u32,
@@ -101,6 +106,7 @@ impl Default for TraceSettings {
     fn default() -> Self {
         Self {
             caps: None,
+            cones: false,
             ambient_rays: 8,
             shadow_rays: 8,
             resolution: TraceResolution::Full,
@@ -133,6 +139,11 @@ impl TraceSettings {
             intensity: if self.intensity.is_nan() { 1.0 } else { self.intensity.clamp(0.0, 8.0) },
             ..self
         }
+    }
+
+    /// What is to be answered without rays.
+    pub fn wanted(&self) -> Wanted {
+        Wanted { caps: self.caps.is_some(), cones: self.cones }
     }
 
     /// How cap grids are asked.
@@ -243,6 +254,13 @@ pub struct FrameReceiver {
     pub depth: f32,
     /// What it is spared.
     pub flags: ReceiverFlags,
+}
+
+impl FrameReceiver {
+    /// What cones ask of it.
+    pub(super) fn cone_receiver(&self) -> ConeReceiver {
+        ConeReceiver { position: self.position, normal: self.normal }
+    }
 }
 
 /// A frame's depth and normals, and where they lie. See [`visibility`](resolve::visibility) for an example.

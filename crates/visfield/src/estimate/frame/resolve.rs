@@ -9,7 +9,7 @@ use super::{
 };
 use crate::estimate::caps::{CapOccluder, ambient};
 use crate::estimate::light::Light;
-use crate::estimate::source::OcclusionSource;
+use crate::estimate::source::Answers;
 
 /// All of a frame's visibility, of every pixel of the viewport: of ambient light, and of each light.
 ///
@@ -50,16 +50,15 @@ pub fn resolve(
     traced: &[Channels],
 ) -> Vec<Channels> {
     let settings = settings.clamped();
-    let wanted = settings.caps.is_some();
-    let asked = |casts: fn(&FrameOccluder) -> bool, source: fn(&crate::VisibilityField, bool) -> OcclusionSource| {
-        occluders
-            .iter()
-            .filter(|occluder| casts(occluder) && source(occluder.field, wanted).has_caps())
-            .filter_map(|occluder| Some((occluder, CapOccluder::new(occluder.placement, occluder.field)?)))
-            .collect::<Vec<_>>()
+    let wanted = settings.wanted();
+    let of = |casts: fn(&FrameOccluder) -> bool| {
+        let placed = occluders.iter().filter(move |occluder| casts(occluder));
+        placed.filter_map(|occluder| Some((occluder, CapOccluder::new(occluder.placement, occluder.field, wanted)?)))
     };
-    let of_ambient = asked(|occluder| occluder.casting.ambient, OcclusionSource::of);
-    let of_lights = asked(|occluder| occluder.casting.shadows, OcclusionSource::of_large_lights);
+    let answers_ambient = |occluder: &FrameOccluder| Answers::of(occluder.field).ambient(wanted).needs_no_rays();
+    let of_ambient: Vec<_> =
+        of(|occluder| occluder.casting.ambient).filter(|(occluder, _)| answers_ambient(occluder)).collect();
+    let of_lights: Vec<_> = of(|occluder| occluder.casting.shadows).collect();
     let pixel = |pixel: UVec2| {
         let mut visibility = [1.0; 1 + MAX_LIGHTS];
         let receiver = geometry.receiver_at(pixel);
@@ -77,14 +76,18 @@ pub fn resolve(
         }
         for (light, visibility) in masked(lights).iter().zip(&mut visibility[1..]) {
             let view = light.seen_from(receiver.position);
-            if !wanted || !light.is_large() || !light.shines_on(&view, receiver.normal) {
+            if !light.shines_on(&view, receiver.normal) {
                 continue;
             }
-            let half_angle = view.sine.atan2(view.cosine);
-            for cap in facing(&of_lights, &receiver) {
+            let (from, disc) = (receiver.cone_receiver(), view.disc());
+            for (occluder, cap) in of_lights.iter().filter(|(occluder, _)| !is_spared(occluder, &receiver)) {
+                let source = light.source(occluder.field, wanted);
                 let (to_center, radius) = (cap.placement().center - receiver.position, cap.placement().radius);
-                if above_surface(to_center, radius, receiver.normal) && view.meets(to_center, radius) {
-                    *visibility *= 1.0 - cap.light_occlusion(receiver.position, view.axis, half_angle);
+                if source.needs_no_rays()
+                    && above_surface(to_center, radius, receiver.normal)
+                    && view.meets(to_center, radius)
+                {
+                    *visibility *= 1.0 - cap.light_occlusion(source, &from, &disc);
                 }
             }
         }

@@ -8,7 +8,7 @@ use super::{Channels, FrameOccluder, FrameReceiver, GeometryBuffer, MAX_LIGHTS, 
 use crate::estimate::caps::CapOccluder;
 use crate::estimate::light::{Light, LightKind};
 use crate::estimate::sampling::{AMBIENT_INTERLEAVE_BITS, LIGHT_INTERLEAVE_BITS, interleave_index, residues};
-use crate::estimate::source::OcclusionSource;
+use crate::estimate::source::{Answers, OcclusionSource};
 use crate::estimate::{FacingOccluder, cosine_direction};
 
 /// Traces every pixel of [what is traced](super::TraceResolution::traced_size), row by row. Noisy; see
@@ -106,17 +106,16 @@ impl<'a> Facing<'a> {
     }
 
     fn share_of_ambient_rays(&self, settings: &TraceSettings) -> f32 {
-        self.share_of_rays(OcclusionSource::of(self.occluder.field, settings.caps.is_some()))
+        self.share_of_rays(Answers::of(self.occluder.field).ambient(settings.wanted()), settings)
     }
 
     fn share_of_light_rays(&self, light: &Light, settings: &TraceSettings) -> f32 {
-        let large = light.is_large() && settings.caps.is_some();
-        self.share_of_rays(OcclusionSource::of_large_lights(self.occluder.field, large))
+        self.share_of_rays(light.source(self.occluder.field, settings.wanted()), settings)
     }
 
     /// Which share of its rays a receiver sends to an occluder that is asked so.
-    fn share_of_rays(&self, source: OcclusionSource) -> f32 {
-        let cap = || CapOccluder::new(self.occluder.placement, self.occluder.field);
+    fn share_of_rays(&self, source: OcclusionSource, settings: &TraceSettings) -> f32 {
+        let cap = || CapOccluder::new(self.occluder.placement, self.occluder.field, settings.wanted());
         source.share_of_rays(|| cap().map_or(0.0, |cap| cap.inside_share(self.position)))
     }
 }
