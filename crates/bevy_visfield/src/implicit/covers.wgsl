@@ -1,20 +1,21 @@
 // One ray through a pixel: where it meets the surface, and where it only brushes it, by the covers of Hart 1996 as in chapter 5 of the
-// 2012 thesis. Plain WGSL; needs `surface_distance`.
+// 2012 thesis. Plain WGSL, joined after the
+// library's distances; needs `surface.distances`, where they are.
 //
 // A cover is the surface moved by the radius of a pixel. A ray that comes to the inner one is covered all over and hits; one that
 // comes to the outer one only brushes the surface, and the part of its pixel that is covered follows from how near it came (equation
 // 5.4). So one march finds both, if it traces the inner cover: by `f + r` in the place of `f`. It is the level set by which section
 // 3.2 of the 2014 paper makes up for its half pixel.
 
-// The pixel as a cone in the space of the field.
-struct Cone {
+// The pixel as a cone in the space of the distances.
+struct PixelCone {
     origin: vec3<f32>,
     // Per world unit along the ray, not of unit length.
     direction: vec3<f32>,
-    // The radius of the pixel in units of the field: at the origin, and what it grows per world unit.
+    // The radius of the pixel in units of the distances: at the origin, and what it grows per world unit.
     radius: f32,
     growth: f32,
-    // Units of the field per world unit across the ray, as the radius has them: the most, where the transform stretches.
+    // Units of the distances per world unit across the ray, as the radius has them: the most, where the transform stretches.
     scale: f32,
     stretched: bool,
     local_from_world: mat3x3<f32>,
@@ -42,7 +43,7 @@ struct Meeting {
     second: Brush,
 }
 
-const MAX_STEPS: u32 = 160u;
+const COVER_STEPS: u32 = 160u;
 // As in the 2014 paper.
 const OVER_RELAXATION: f32 = 1.2;
 // The cosine between the normals of a wall's two sides is less.
@@ -50,36 +51,28 @@ const OPPOSITE: f32 = -0.7;
 // Brushes end where the ray leaves the outer cover, or has risen by so many radii.
 const BRUSH_RISE: f32 = 0.5;
 
-fn cone_radius(cone: Cone, t: f32) -> f32 {
+fn cone_radius(cone: PixelCone, t: f32) -> f32 {
     return cone.radius + cone.growth * t;
 }
 
-fn cone_distance(cone: Cone, t: f32) -> f32 {
-    return surface_distance(cone.origin + cone.direction * t);
+fn distance_at(cone: PixelCone, t: f32) -> f32 {
+    return field_distance(surface.distances, cone.origin + cone.direction * t);
 }
 
 // The width of the differences that gradients are taken from: half a pixel.
-fn gradient_width(cone: Cone, t: f32) -> f32 {
-    return max(0.5 * cone_radius(cone, t), least_gradient_width());
+fn gradient_width(cone: PixelCone, t: f32) -> f32 {
+    // A cell of a grid has no more than one slope along an axis; a shape has the same anywhere within a thousandth of its radius.
+    let least = select(0.03, 0.75, surface.distances.nodes == GRID);
+    return max(0.5 * cone_radius(cone, t), least);
 }
 
 // The gradient of the distance, of unit length where the distance is one.
-fn surface_gradient(position: vec3<f32>, h: f32) -> vec3<f32> {
-    const a = vec3(1.0, -1.0, -1.0);
-    const b = vec3(-1.0, -1.0, 1.0);
-    const c = vec3(-1.0, 1.0, -1.0);
-    const d = vec3(1.0, 1.0, 1.0);
-    let sum = a * surface_distance(position + a * h) + b * surface_distance(position + b * h)
-        + c * surface_distance(position + c * h) + d * surface_distance(position + d * h);
-    return sum / (4.0 * h);
+fn cone_gradient(cone: PixelCone, t: f32) -> vec3<f32> {
+    return gradient(surface.distances, cone.origin + cone.direction * t, gradient_width(cone, t));
 }
 
-fn cone_gradient(cone: Cone, t: f32) -> vec3<f32> {
-    return surface_gradient(cone.origin + cone.direction * t, gradient_width(cone, t));
-}
-
-// The radius of the pixel in units of the field, towards the surface: what the distance changes by over a pixel.
-fn facing_radius(cone: Cone, t: f32) -> f32 {
+// The radius of the pixel in units of the distances, towards the surface: what the distance changes by over a pixel.
+fn facing_radius(cone: PixelCone, t: f32) -> f32 {
     let gradient = transpose(cone.local_from_world) * cone_gradient(cone, t);
     return cone_radius(cone, t) * clamp(length(gradient) / cone.scale, 0.1, 1.0);
 }
@@ -96,19 +89,19 @@ fn add_brush(meeting: ptr<function, Meeting>, brush: Brush) {
 
 // Whether the surfaces that are next to two places of a ray turn their backs on each other: what is between them is a wall, which covers
 // all of a pixel however thin it is, and not the outline of something that does not.
-fn opposite(cone: Cone, front: f32, back: f32) -> bool {
+fn opposite(cone: PixelCone, front: f32, back: f32) -> bool {
     return dot(normalize(cone_gradient(cone, front)), normalize(cone_gradient(cone, back))) < OPPOSITE;
 }
 
 // Where a ray that starts inside has left the outer cover: from inside there is nothing to see, as with meshes of one side.
-fn leave(cone: Cone) -> f32 {
+fn leave(cone: PixelCone) -> f32 {
     let per_unit = length(cone.direction);
     var t = cone.first;
-    if cone_distance(cone, t) >= 0.0 {
+    if distance_at(cone, t) >= 0.0 {
         return t;
     }
-    for (var i = 0u; i < MAX_STEPS && t <= cone.last; i++) {
-        let distance = cone_distance(cone, t);
+    for (var i = 0u; i < COVER_STEPS && t <= cone.last; i++) {
+        let distance = distance_at(cone, t);
         let radius = cone_radius(cone, t);
         if distance >= radius {
             return t;
@@ -119,7 +112,7 @@ fn leave(cone: Cone) -> f32 {
 }
 
 // Sphere traces the inner cover, with over-relaxation (section 3.1 of the 2014 paper).
-fn trace_covers(cone: Cone) -> Meeting {
+fn trace_covers(cone: PixelCone) -> Meeting {
     let per_unit = length(cone.direction);
     var omega = OVER_RELAXATION;
     var t = leave(cone);
@@ -133,8 +126,8 @@ fn trace_covers(cone: Cone) -> Meeting {
     var entry = t;
     var lowest = Brush(t, 1.0e9);
     var rising = false;
-    for (var i = 0u; i < MAX_STEPS; i++) {
-        let distance = cone_distance(cone, t);
+    for (var i = 0u; i < COVER_STEPS; i++) {
+        let distance = distance_at(cone, t);
         var radius = cone_radius(cone, t);
         if cone.stretched && abs(distance) < 2.0 * radius {
             radius = facing_radius(cone, t);
@@ -166,7 +159,7 @@ fn trace_covers(cone: Cone) -> Meeting {
             // There is room for a wall between the two places. If there is one, the nearest places on both its sides make similar
             // triangles with it.
             let between = mix(last_t, t, last_distance / max(last_distance + distance, 1.0e-30));
-            if cone_distance(cone, between) < 0.0 && opposite(cone, last_t, t) {
+            if distance_at(cone, between) < 0.0 && opposite(cone, last_t, t) {
                 meeting.hit = true;
                 meeting.t = between;
                 meeting.outside = last_t;
@@ -208,18 +201,18 @@ const CROSSING_STEPS: u32 = 6u;
 // Where the ray crosses the surface on its way to the inner cover: false position with the Illinois rule. It does what section 3.4 of the
 // 2014 paper wants, distances that do not jump from pixel to pixel, and also near outlines, where the fixed-point iteration of that
 // section is slow: rays that graze the surface cross it many pixels before they are half a pixel deep.
-fn crossing(cone: Cone, meeting: Meeting) -> f32 {
+fn crossing(cone: PixelCone, meeting: Meeting) -> f32 {
     var outside = meeting.outside;
     var inside = meeting.t;
-    var above = cone_distance(cone, outside);
-    var below = cone_distance(cone, inside);
+    var above = distance_at(cone, outside);
+    var below = distance_at(cone, inside);
     if above <= 0.0 || below >= 0.0 {
         return inside;
     }
     var side = 0;
     for (var i = 0u; i < CROSSING_STEPS; i++) {
         let t = mix(outside, inside, above / (above - below));
-        let distance = cone_distance(cone, t);
+        let distance = distance_at(cone, t);
         if distance >= 0.0 {
             outside = t;
             above = distance;

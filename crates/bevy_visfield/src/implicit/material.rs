@@ -9,7 +9,12 @@ use bevy::pbr::{
 };
 use bevy::prelude::*;
 use bevy::render::render_resource::{AsBindGroup, RenderPipelineDescriptor, ShaderType, SpecializedMeshPipelineError};
+use bevy::render::storage::ShaderBuffer;
 use bevy::shader::ShaderRef;
+use visfield::distance::DistanceField;
+use visfield::gpu::distance_source;
+use visfield::gpu::layout::DistanceData;
+use visfield::shape::Shape;
 
 /// What the boxes are drawn with.
 pub(super) type SurfaceMaterial = ExtendedMaterial<StandardMaterial, SurfaceExtension>;
@@ -19,15 +24,72 @@ pub(super) type SurfaceMaterial = ExtendedMaterial<StandardMaterial, SurfaceExte
 pub(super) struct SurfaceExtension {
     #[uniform(100)]
     pub(super) surface: SurfaceUniform,
+    /// The codes or nodes of the distances.
+    #[storage(101, read_only)]
+    pub(super) pool: Handle<ShaderBuffer>,
 }
 
 /// As `Surface` in `surface.wgsl`.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct SurfaceUniform {
+    /// Of the box around the surface, in the space of the mesh.
     pub(super) center: Vec3,
-    pub(super) source: u32,
+    /// Lengths of the distances' space to one of the mesh's.
+    units: f32,
     pub(super) half_extents: Vec3,
-    pub(super) padding: u32,
+    /// Whether it is known to be convex.
+    convex: u32,
+    /// The box's centre in the space of the distances.
+    distance_center: Vec3,
+    padding: u32,
+    distances: DistanceUniform,
+}
+
+/// As `DistanceSource` of the library's shaders.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+struct DistanceUniform {
+    low: Vec3,
+    nodes: u32,
+    high: Vec3,
+    first_word: u32,
+    row: u32,
+    layer: u32,
+    bits: u32,
+    threshold: f32,
+    code_low: f32,
+    code_step: f32,
+}
+
+impl SurfaceUniform {
+    /// A surface whose distances start with the first word of its pool.
+    pub(super) fn new(distance: &DistanceField) -> Self {
+        let data = DistanceData::new(distance, 0);
+        let (low, high) = distance.bounds();
+        let to_distance = distance.distance_from_mesh();
+        let units = to_distance.matrix3.x_axis.x;
+        let distance_center = (low + high) * 0.5;
+        let center = (distance_center.as_dvec3() - to_distance.translation) / units;
+        Self {
+            center: center.as_vec3(),
+            units: units as f32,
+            half_extents: (high - low) * (0.5 / units as f32),
+            convex: u32::from(distance.shape().is_some_and(Shape::is_convex)),
+            distance_center,
+            padding: 0,
+            distances: DistanceUniform {
+                low,
+                nodes: data.nodes,
+                high,
+                first_word: data.first_word,
+                row: data.row,
+                layer: data.layer,
+                bits: data.bits,
+                threshold: data.threshold,
+                code_low: data.code_low,
+                code_step: data.code_step,
+            },
+        }
+    }
 }
 
 const SHADER: Handle<Shader> = uuid_handle!("0f6a9a0f-6f4a-4b43-9a0c-3b7f2f6d1c52");
@@ -36,7 +98,7 @@ const PLAIN_PARTS: &str = "//#include";
 
 /// The shader, joined from the part that knows Bevy's modules and from parts of plain WGSL.
 fn source() -> String {
-    let plain = [include_str!("placeholder.wgsl"), include_str!("covers.wgsl")].join("\n");
+    let plain = distance_source() + include_str!("covers.wgsl");
     include_str!("surface.wgsl").replacen(PLAIN_PARTS, &plain, 1)
 }
 
@@ -49,19 +111,19 @@ pub(super) fn plugin(app: &mut App) {
 }
 
 /// The material of the box that draws what rays hit.
-pub(super) fn solid(base: &StandardMaterial, surface: SurfaceUniform) -> SurfaceMaterial {
+pub(super) fn solid(base: &StandardMaterial, extension: SurfaceExtension) -> SurfaceMaterial {
     // A mask, since an opaque material has no fragment shader where only depth is asked for.
-    with_alpha(base, AlphaMode::Mask(0.5), surface)
+    with_alpha(base, AlphaMode::Mask(0.5), extension)
 }
 
 /// The material of the box that draws edges.
-pub(super) fn edges(base: &StandardMaterial, surface: SurfaceUniform) -> SurfaceMaterial {
-    with_alpha(base, AlphaMode::Blend, surface)
+pub(super) fn edges(base: &StandardMaterial, extension: SurfaceExtension) -> SurfaceMaterial {
+    with_alpha(base, AlphaMode::Blend, extension)
 }
 
-fn with_alpha(base: &StandardMaterial, alpha_mode: AlphaMode, surface: SurfaceUniform) -> SurfaceMaterial {
+fn with_alpha(base: &StandardMaterial, alpha_mode: AlphaMode, extension: SurfaceExtension) -> SurfaceMaterial {
     let base = StandardMaterial { alpha_mode, opaque_render_method: OpaqueRendererMethod::Forward, ..base.clone() };
-    ExtendedMaterial { base, extension: SurfaceExtension { surface } }
+    ExtendedMaterial { base, extension }
 }
 
 impl MaterialExtension for SurfaceExtension {

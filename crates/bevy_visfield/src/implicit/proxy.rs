@@ -7,9 +7,13 @@ use bevy::camera::visibility::RenderLayers;
 use bevy::light::{NotShadowCaster, NotShadowReceiver};
 use bevy::mesh::{Indices, MeshTag, PrimitiveTopology};
 use bevy::prelude::*;
+use bevy::render::storage::ShaderBuffer;
+use visfield::distance::DistanceField;
+use visfield::gpu::layout::distance_words;
+use visfield::shape::{Shape, ShapeExtent};
 
 use super::ImplicitSurface3d;
-use super::material::{SurfaceMaterial, SurfaceUniform, edges, solid};
+use super::material::{SurfaceExtension, SurfaceMaterial, SurfaceUniform, edges, solid};
 use crate::asset::VisibilityField;
 use crate::components::VisibilityField3d;
 
@@ -27,11 +31,22 @@ struct SharedBoxes {
 /// The field, and the material by which it is lit.
 type SharedKey = (AssetId<VisibilityField>, Option<AssetId<StandardMaterial>>);
 
+/// What surfaces of the same field share.
+#[derive(Clone)]
+struct SharedField {
+    mesh: Handle<Mesh>,
+    extension: SurfaceExtension,
+}
+
 #[derive(Resource, Default)]
-struct AllSharedBoxes(HashMap<SharedKey, SharedBoxes>);
+struct Shared {
+    /// `None` for fields of which there is nothing to draw.
+    fields: HashMap<AssetId<VisibilityField>, Option<SharedField>>,
+    boxes: HashMap<SharedKey, SharedBoxes>,
+}
 
 pub(super) fn plugin(app: &mut App) {
-    app.init_resource::<AllSharedBoxes>().add_observer(remove_boxes).add_systems(
+    app.init_resource::<Shared>().add_observer(remove_boxes).add_systems(
         PostUpdate,
         (cast, forget_changed, place_boxes, follow_surfaces).chain().before(TransformSystems::Propagate),
     );
@@ -48,13 +63,14 @@ fn cast(mut commands: Commands, changed: Query<(Entity, &ImplicitSurface3d), Cha
 fn forget_changed(
     mut fields: MessageReader<AssetEvent<VisibilityField>>,
     mut materials: MessageReader<AssetEvent<StandardMaterial>>,
-    mut shared: ResMut<AllSharedBoxes>,
+    mut shared: ResMut<Shared>,
 ) {
     let fields: HashSet<_> = fields.read().filter_map(changed_asset).collect();
     let materials: HashSet<_> = materials.read().filter_map(changed_asset).collect();
     if !(fields.is_empty() && materials.is_empty()) {
         let changed = |material: &Option<_>| material.is_some_and(|material| materials.contains(&material));
-        shared.0.retain(|(field, material), _| !fields.contains(field) && !changed(material));
+        shared.fields.retain(|field, _| !fields.contains(field));
+        shared.boxes.retain(|(field, material), _| !fields.contains(field) && !changed(material));
     }
 }
 
@@ -71,26 +87,35 @@ fn place_boxes(
     fields: Res<Assets<VisibilityField>>,
     standard: Res<Assets<StandardMaterial>>,
     mut meshes: ResMut<Assets<Mesh>>,
+    mut buffers: ResMut<Assets<ShaderBuffer>>,
     mut materials: ResMut<Assets<SurfaceMaterial>>,
-    mut shared: ResMut<AllSharedBoxes>,
+    mut shared: ResMut<Shared>,
     surfaces: Query<(Entity, &ImplicitSurface3d, Option<&MeshMaterial3d<StandardMaterial>>, Option<&SurfaceBoxes>)>,
     boxes: Query<(&Mesh3d, &MeshMaterial3d<SurfaceMaterial>)>,
 ) {
+    let Shared { fields: shared_fields, boxes: shared_boxes } = &mut *shared;
     for (entity, surface, material, placed) in &surfaces {
+        let Some(field) = fields.get(surface.id()) else { continue };
+        let drawn = shared_fields
+            .entry(surface.id())
+            .or_insert_with(|| drawable(field).map(|distance| share(distance, &mut meshes, &mut buffers)));
+        let Some(drawn) = drawn else {
+            if let Some(placed) = placed {
+                despawn_boxes(&mut commands, placed);
+                commands.entity(entity).try_remove::<SurfaceBoxes>();
+            }
+            continue;
+        };
         let key = (surface.id(), material.map(|material| material.id()));
-        let made = shared.0.get(&key).cloned().or_else(|| {
-            let field = fields.get(surface.id())?;
+        let made = shared_boxes.get(&key).cloned().or_else(|| {
             let default = StandardMaterial::default();
             let base = match material {
                 Some(material) => standard.get(material.id())?,
                 None => &default,
             };
-            let uniform = uniform_of(field);
-            let made = SharedBoxes {
-                mesh: meshes.add(box_mesh(uniform.center, uniform.half_extents)),
-                materials: [solid(base, uniform), edges(base, uniform)].map(|material| materials.add(material)),
-            };
-            shared.0.insert(key, made.clone());
+            let both = [solid, edges].map(|box_of| materials.add(box_of(base, drawn.extension.clone())));
+            let made = SharedBoxes { mesh: drawn.mesh.clone(), materials: both };
+            shared_boxes.insert(key, made.clone());
             Some(made)
         });
         let Some(made) = made else { continue };
@@ -117,7 +142,51 @@ fn place_boxes(
         .iter()
         .map(|(_, surface, material, _)| (surface.id(), material.map(|material| material.id())))
         .collect();
-    shared.0.retain(|key, _| used.contains(key));
+    let used_fields: HashSet<_> = used.iter().map(|(field, _)| *field).collect();
+    shared_fields.retain(|field, _| used_fields.contains(field));
+    shared_boxes.retain(|key, _| used.contains(key));
+}
+
+/// The distances of a field, if there is something to draw; says so if that is for a reason that its author can change.
+fn drawable(field: &VisibilityField) -> Option<&DistanceField> {
+    let name = &field.header().name;
+    let Some(distance) = field.distance_field() else {
+        warn!(
+            "the field \"{name}\" of an ImplicitSurface3d has no distances: it is not drawn. Bake it with a distance grid \
+             (`--representation distance`), or make it of a shape (VisibilityField::of_shape)."
+        );
+        return None;
+    };
+    match distance.shape().map(Shape::extent) {
+        Some(ShapeExtent::Empty) => None,
+        Some(ShapeExtent::Unbounded) => {
+            warn!(
+                "the shape \"{name}\" of an ImplicitSurface3d has no end: it is not drawn. Intersect it with a Shape::Box that is as \
+                 large as can be seen of it."
+            );
+            None
+        }
+        Some(ShapeExtent::Bounded(_)) | None => Some(distance),
+    }
+}
+
+/// Puts distances into a buffer, and a box around them.
+fn share(distance: &DistanceField, meshes: &mut Assets<Mesh>, buffers: &mut Assets<ShaderBuffer>) -> SharedField {
+    let surface = SurfaceUniform::new(distance);
+    let words = distance_words(distance);
+    let pool = buffers.add(ShaderBuffer::new(bytemuck::cast_slice(&words), RenderAssetUsages::RENDER_WORLD));
+    SharedField {
+        mesh: meshes.add(box_mesh(surface.center, surface.half_extents)),
+        extension: SurfaceExtension { surface, pool },
+    }
+}
+
+fn despawn_boxes(commands: &mut Commands, SurfaceBoxes(children): &SurfaceBoxes) {
+    for child in children {
+        if let Ok(mut child) = commands.get_entity(*child) {
+            child.try_despawn();
+        }
+    }
 }
 
 /// Keeps what Bevy does not inherit in step.
@@ -154,23 +223,9 @@ fn follow_surfaces(
 
 /// The boxes of what is no longer a surface go.
 fn remove_boxes(removed: On<Remove, ImplicitSurface3d>, mut commands: Commands, surfaces: Query<&SurfaceBoxes>) {
-    let Ok(SurfaceBoxes(children)) = surfaces.get(removed.entity) else { return };
-    for child in children {
-        if let Ok(mut child) = commands.get_entity(*child) {
-            child.try_despawn();
-        }
-    }
+    let Ok(placed) = surfaces.get(removed.entity) else { return };
+    despawn_boxes(&mut commands, placed);
     commands.entity(removed.entity).try_remove::<SurfaceBoxes>();
-}
-
-/// Where the surface of a field lies: in the box around its bounds.
-fn uniform_of(field: &VisibilityField) -> SurfaceUniform {
-    let bounds = field.header().bounds;
-    let axes = bounds.axes.map(Vec3::from);
-    let squares = axes.iter().fold(Vec3::ZERO, |sum, axis| sum + axis * axis);
-    let placeholders = ["sphere", "torus", "block", "plate"];
-    let source = placeholders.iter().position(|name| *name == field.header().name).unwrap_or_default() as u32;
-    SurfaceUniform { center: bounds.center.into(), source, half_extents: squares.map(f32::sqrt), padding: 0 }
 }
 
 /// A box of six faces with four corners each; the vertex shader places them by their number and needs no more than as many. The positions
@@ -198,14 +253,17 @@ mod tests {
             .init_asset::<VisibilityField>()
             .init_asset::<StandardMaterial>()
             .init_asset::<SurfaceMaterial>()
+            .init_asset::<ShaderBuffer>()
             .init_asset::<Mesh>();
         app
     }
 
+    fn add(app: &mut App, field: visfield::VisibilityField) -> Handle<VisibilityField> {
+        app.world_mut().resource_mut::<Assets<VisibilityField>>().add(VisibilityField(field))
+    }
+
     fn ball(app: &mut App) -> Handle<VisibilityField> {
-        app.world_mut()
-            .resource_mut::<Assets<VisibilityField>>()
-            .add(VisibilityField(visfield::field::ball_field(0.9, 3, 2)))
+        add(app, visfield::VisibilityField::of_shape(Shape::Sphere { radius: 0.9 }).unwrap())
     }
 
     fn boxes(app: &mut App) -> Vec<(AssetId<Mesh>, AssetId<SurfaceMaterial>)> {
@@ -251,7 +309,43 @@ mod tests {
         app.update();
         assert_eq!(boxes(&mut app), []);
         app.update();
-        assert!(app.world().resource::<AllSharedBoxes>().0.is_empty());
+        let shared = app.world().resource::<Shared>();
+        assert!(shared.boxes.is_empty() && shared.fields.is_empty());
+    }
+
+    #[test]
+    fn surfaces_of_the_same_field_share_its_distances() {
+        let mut app = app();
+        let field = ball(&mut app);
+        for _ in 0..2 {
+            let material = app.world_mut().resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial::default());
+            app.world_mut().spawn((ImplicitSurface3d(field.clone()), MeshMaterial3d(material)));
+        }
+        app.update();
+        assert_eq!(boxes(&mut app).len(), 4);
+        assert_eq!(app.world().resource::<Assets<ShaderBuffer>>().len(), 1);
+    }
+
+    #[test]
+    fn what_is_not_to_be_drawn_has_no_boxes() {
+        let mut app = app();
+        let without = add(&mut app, visfield::field::ball_field(0.9, 3, 2));
+        let endless = add(&mut app, visfield::VisibilityField::of_shape(Shape::HalfSpace).unwrap());
+        let nothing = add(&mut app, visfield::VisibilityField::of_shape(Shape::Union(vec![])).unwrap());
+        for field in [without, endless, nothing] {
+            app.world_mut().spawn(ImplicitSurface3d(field));
+        }
+        let field = ball(&mut app);
+        app.world_mut().spawn(ImplicitSurface3d(field.clone()));
+        app.update();
+        assert_eq!(boxes(&mut app).len(), 2, "only the ball's");
+        // What was drawn, and is nothing now.
+        if let Some(mut ball) = app.world_mut().resource_mut::<Assets<VisibilityField>>().get_mut(&field) {
+            *ball = VisibilityField(visfield::VisibilityField::of_shape(Shape::Union(vec![])).unwrap());
+        }
+        app.update();
+        app.update();
+        assert_eq!(boxes(&mut app), []);
     }
 
     #[test]

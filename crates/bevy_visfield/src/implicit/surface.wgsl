@@ -24,13 +24,22 @@
 #endif
 
 struct Surface {
+    // Of the box around the surface, in the space of the mesh.
     center: vec3<f32>,
-    source: u32,
+    // Lengths of the distances' space to one of the mesh's.
+    units: f32,
     half_extents: vec3<f32>,
+    // 1 if it is known to be.
+    convex: u32,
+    // The box's centre in the space of the distances.
+    distance_center: vec3<f32>,
     padding: u32,
+    distances: DistanceSource,
 }
 
 @group(#{MATERIAL_BIND_GROUP}) @binding(100) var<uniform> surface: Surface;
+// The codes or nodes of the distances.
+@group(#{MATERIAL_BIND_GROUP}) @binding(101) var<storage, read> pool: array<u32>;
 
 // What follows is plain WGSL.
 //#include
@@ -113,12 +122,12 @@ fn view_ray(pixel: vec2<f32>) -> ViewRay {
 // The radius of a disc as large as a pixel, in widths of it.
 const PIXEL_DISC: f32 = 0.5641896;
 
-fn pixel_cone(pixel: vec2<f32>, ray: ViewRay, instance: u32) -> Cone {
+fn pixel_cone(pixel: vec2<f32>, ray: ViewRay, instance: u32) -> PixelCone {
     let right = view_ray(pixel + vec2(1.0, 0.0));
     let rotation = mat3x3(view.world_from_view[0].xyz, view.world_from_view[1].xyz, view.world_from_view[2].xyz);
     let inverse = local_from_world(instance);
     let local_from_view = inverse * rotation;
-    var cone: Cone;
+    var cone: PixelCone;
     cone.origin = inverse * (view.world_position - world_translation(instance)) + local_from_view * ray.origin;
     cone.direction = local_from_view * ray.direction;
     // Across the ray, the transform may stretch; the larger of two directions.
@@ -141,12 +150,20 @@ fn pixel_cone(pixel: vec2<f32>, ray: ViewRay, instance: u32) -> Cone {
     let exit = max(one, other);
     cone.first = max(max(entry.x, entry.y), max(entry.z, 0.0));
     cone.last = min(exit.x, min(exit.y, exit.z));
+    // From the space of the mesh to that of the distances.
+    cone.origin = surface.distance_center - to_center * surface.units;
+    cone.direction *= surface.units;
+    cone.radius *= surface.units;
+    cone.growth *= surface.units;
+    cone.scale *= surface.units;
+    cone.local_from_world = surface.units * inverse;
     return cone;
 }
 
-// A surface is smooth at this scale, whatever the distance.
-fn least_gradient_width() -> f32 {
-    return 1.0e-3 * max(surface.half_extents.x, max(surface.half_extents.y, surface.half_extents.z));
+// From the space of the distances to the world.
+fn world_from_distances(position: vec3<f32>, world_from_local: mat4x4<f32>) -> vec4<f32> {
+    let local = surface.center + (position - surface.distance_center) / surface.units;
+    return world_from_local * vec4(local, 1.0);
 }
 
 fn view_depth(position: vec3<f32>) -> f32 {
@@ -189,7 +206,7 @@ fn fragment(in: Corner) -> PrepassOutput {
     out.normal = vec4(normal * 0.5 + vec3(0.5), 1.0 - f32(mesh[in.instance].tag >> 30u) / 3.0);
 #endif
 #ifdef MOTION_VECTOR_PREPASS
-    let previous = mesh_functions::get_previous_world_from_local(in.instance) * vec4(local, 1.0);
+    let previous = world_from_distances(local, mesh_functions::get_previous_world_from_local(in.instance));
     out.motion_vector = calculate_motion_vector(view_to_world(position), previous);
 #endif
     return out;
@@ -247,7 +264,7 @@ fn covered_pixel(pixel: vec2<f32>, position: vec3<f32>, normal: vec3<f32>, insta
         let ray = view_ray(there);
         let cone = pixel_cone(there, ray, instance);
         let t = prepass_t(there, ray);
-        if t < 1.0e29 && abs(cone_distance(cone, t)) < 1.5 * cone_radius(cone, t) {
+        if t < 1.0e29 && abs(distance_at(cone, t)) < 1.5 * cone_radius(cone, t) {
             return there;
         }
     }
@@ -316,7 +333,7 @@ fn fragment(in: Corner) -> MainOutput {
     }
     let radius = cone_radius(cone, t);
     let local = cone.origin + cone.direction * t;
-    if abs(surface_distance(local)) > 0.5 * radius {
+    if abs(distance_at(cone, t)) > 0.5 * radius {
         discard;
     }
     let depth = prepass_utils::prepass_depth(in.position, 0u);
