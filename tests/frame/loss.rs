@@ -269,7 +269,7 @@ const COARSE: u64 = 310_000;
 
 #[test]
 fn more_fields_than_the_budget_degrade_step_by_step_and_recover() {
-    use FieldLevel::{Absent, CapGrid, Coarse, Full};
+    use FieldLevel::{Absent, Coarse, Full, WithoutTable};
     if !adapter::available() {
         return;
     }
@@ -284,14 +284,14 @@ fn more_fields_than_the_budget_degrade_step_by_step_and_recover() {
         (everything - 1, [Full, Full, Full, Full, Coarse]),
         (2 * WHOLE + 3 * COARSE, [Full, Full, Coarse, Coarse, Coarse]),
         (5 * COARSE, [Coarse; 5]),
-        (2 * COARSE + 3 * caps, [Coarse, Coarse, CapGrid, CapGrid, CapGrid]),
-        (5 * caps, [CapGrid; 5]),
-        (2 * caps, [CapGrid, CapGrid, Absent, Absent, Absent]),
+        (2 * COARSE + 3 * caps, [Coarse, Coarse, WithoutTable, WithoutTable, WithoutTable]),
+        (5 * caps, [WithoutTable; 5]),
+        (2 * caps, [WithoutTable, WithoutTable, Absent, Absent, Absent]),
         (100, [Absent; 5]),
         // Back, over another way.
-        (3 * caps, [CapGrid, CapGrid, CapGrid, Absent, Absent]),
+        (3 * caps, [WithoutTable, WithoutTable, WithoutTable, Absent, Absent]),
         (4 * WHOLE + COARSE, [Full, Full, Full, Full, Coarse]),
-        (COARSE + 4 * caps, [Coarse, CapGrid, CapGrid, CapGrid, CapGrid]),
+        (COARSE + 4 * caps, [Coarse, WithoutTable, WithoutTable, WithoutTable, WithoutTable]),
         (u64::MAX, [Full; 5]),
     ] {
         stage.set_budget(budget);
@@ -306,12 +306,12 @@ fn more_fields_than_the_budget_degrade_step_by_step_and_recover() {
         let told: u64 = stage.residency().fields().map(|(_, _, bytes)| bytes).sum();
         assert_eq!(told, found.resident_bytes, "{budget}");
         // The ball, which is nearest, does what its level can.
-        assert_eq!(beside > 4, expected[0] >= CapGrid, "{budget}: {beside}");
+        assert_eq!(beside > 4, expected[0] >= WithoutTable, "{budget}: {beside}");
         assert_eq!(shadow > 20, expected[0] >= Coarse, "{budget}: {shadow}");
         let reasons: Vec<_> = balls.iter().map(|ball| stage.why(*ball)).collect();
         let reason = |level: &FieldLevel| match level {
             Absent => Some(NoShadow::OverBudget),
-            CapGrid => Some(NoShadow::TableOverBudget),
+            WithoutTable => Some(NoShadow::TableOverBudget),
             Coarse | Full => None,
         };
         assert_eq!(reasons, expected.iter().map(reason).collect::<Vec<_>>(), "{budget}");
@@ -323,7 +323,7 @@ fn more_fields_than_the_budget_degrade_step_by_step_and_recover() {
                 let moved = pixels.filter(|(a, b)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > 20)).count();
                 assert!(moved <= 200, "{budget}: {moved} pixels");
             }
-            CapGrid => {}
+            WithoutTable => {}
             Absent => assert_eq!(largest_difference(&picture, &off), 0, "{budget}"),
         }
     }

@@ -99,6 +99,8 @@ pub struct FieldOcclusion {
     pub quality: FieldOcclusionQuality,
     /// What ambient occlusion is taken from, if not what the quality says.
     pub estimator: OcclusionEstimator,
+    /// What shadows are taken from, if not what the quality says.
+    pub shadows: ShadowEstimator,
     /// Whether ambient light is occluded. Shadows of lights with [`FieldShadows`] do not depend on it.
     pub ambient_occlusion: bool,
     /// Ambient occlusion ignores surfaces beyond this distance, in world units, 0 to infinity (the default). A finite
@@ -126,6 +128,7 @@ impl Default for FieldOcclusion {
         Self {
             quality: FieldOcclusionQuality::default(),
             estimator: OcclusionEstimator::default(),
+            shadows: ShadowEstimator::default(),
             ambient_occlusion: true,
             max_distance: f32::INFINITY,
             falloff: OcclusionFalloff::default(),
@@ -209,6 +212,15 @@ impl FieldOcclusion {
         (estimator == OcclusionEstimator::CapGrid).then_some(combination)
     }
 
+    /// Whether lights are hidden by cones.
+    fn cones(&self) -> bool {
+        let estimator = match self.shadows {
+            ShadowEstimator::ByQuality => self.quality.cost().shadows,
+            chosen => chosen,
+        };
+        estimator == ShadowEstimator::Cones
+    }
+
     /// How Bevy's own is joined, if it is.
     pub(crate) fn screen_space_combination(&self) -> Option<ScreenSpaceCombination> {
         match self.screen_space {
@@ -224,6 +236,7 @@ impl FieldOcclusion {
         let scale = if self.bias.is_finite() { self.bias.max(0.0) } else { 1.0 };
         TraceSettings {
             caps: if self.ambient_occlusion { self.caps() } else { None },
+            cones: self.cones(),
             ambient_rays: if self.ambient_occlusion { cost.ambient_rays } else { 0 },
             shadow_rays: cost.shadow_rays,
             resolution: if cost.half_resolution { TraceResolution::Half } else { TraceResolution::Full },
@@ -274,17 +287,42 @@ pub enum OcclusionEstimator {
     Rays,
 }
 
+/// What the shadows of lights with [`FieldShadows`] are taken from. A field is asked by the part that it has: one without a distance
+/// grid gets rays. Large lights are hidden by cap grids of `--order 3`, where ambient occlusion is taken from cap grids.
+///
+/// ```
+/// use bevy::prelude::*;
+/// use bevy_visfield::{FieldOcclusion, ShadowEstimator};
+/// fn by_rays() -> FieldOcclusion {
+///     FieldOcclusion { shadows: ShadowEstimator::Rays, ..default() }
+/// }
+/// ```
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[reflect(Default, Clone, PartialEq, Hash)]
+pub enum ShadowEstimator {
+    /// Cones for [`Low`](FieldOcclusionQuality::Low) and [`Medium`](FieldOcclusionQuality::Medium), rays for the others.
+    #[default]
+    ByQuality,
+    /// One cone per pixel, light and object, marched through its distance grid: no noise and no filter. Good for lights of up to 15°
+    /// half-angle; what is beside the nearest edge in a cone is not seen.
+    Cones,
+    /// Rays. Right for lights of any size and shape; the noise is filtered.
+    Rays,
+}
+
 /// What [`FieldOcclusion`] spends. The denoiser gathers the rays of 8×8 traced pixels for ambient occlusion and of 4×4 for each
 /// light, so that a surface sends 64 and 16 times as many as a pixel.
 ///
-/// | preset | ambient occlusion | rays per pixel and light | traced | denoised |
-/// | --- | --- | --- | --- | --- |
-/// | `Low` | cap grids, as if objects hid each other by chance | 4 | every second pixel of every second row | once |
-/// | `Medium` | cap grids, along 8 directions | 8 | every pixel | once |
-/// | `High` | 16 rays per pixel | 16 | every pixel | once |
-/// | `Ultra` | 32 rays per pixel | 32 | every pixel | once |
+/// | preset | ambient occlusion | shadows |
+/// | --- | --- | --- |
+/// | `Low` | cap grids, as if objects hid each other by chance | a cone per light |
+/// | `Medium` | cap grids, along 8 directions | a cone per light |
+/// | `High` | 16 rays per pixel | 16 rays per pixel and light |
+/// | `Ultra` | 32 rays per pixel | 32 rays per pixel and light |
 ///
-/// Fields without a cap grid, and receivers inside those whose grid is wrong there, get as many ambient rays as a light gets.
+/// `Low` and `Medium` send no rays to fields that were baked with a cap grid and a distance grid, as they are by default, nor to
+/// shapes: no filter runs and no history, and a still scene gives the same picture in every frame, bit for bit. What other fields
+/// need is traced with 4 rays from every second pixel of every second row, or with 8 from every pixel, and filtered once.
 ///
 /// ```
 /// use bevy_visfield::FieldOcclusionQuality;
@@ -324,6 +362,8 @@ pub enum FieldOcclusionQuality {
 pub struct FieldOcclusionCost {
     /// What ambient occlusion is taken from; never by quality.
     pub estimator: OcclusionEstimator,
+    /// What shadows are taken from; never by quality.
+    pub shadows: ShadowEstimator,
     /// Ambient occlusion rays per pixel, 1 to 32, of what is not taken from cap grids.
     pub ambient_rays: u32,
     /// Rays per pixel and light, 1 to 32.
@@ -338,12 +378,13 @@ impl FieldOcclusionQuality {
     /// The numbers behind a preset.
     pub const fn cost(self) -> FieldOcclusionCost {
         match self {
-            Self::Low => preset_cost(OcclusionEstimator::CapGrid, 4, true),
-            Self::Medium => preset_cost(OcclusionEstimator::CapGrid, 8, false),
-            Self::High => preset_cost(OcclusionEstimator::Rays, 16, false),
-            Self::Ultra => preset_cost(OcclusionEstimator::Rays, MAX_RAYS, false),
+            Self::Low => preset_cost(false, 4, true),
+            Self::Medium => preset_cost(false, 8, false),
+            Self::High => preset_cost(true, 16, false),
+            Self::Ultra => preset_cost(true, MAX_RAYS, false),
             Self::Custom { ambient_rays, shadow_rays, half_resolution, denoise_passes } => FieldOcclusionCost {
                 estimator: OcclusionEstimator::Rays,
+                shadows: ShadowEstimator::Rays,
                 ambient_rays: clamp(ambient_rays, 1, MAX_RAYS),
                 shadow_rays: clamp(shadow_rays, 1, MAX_RAYS),
                 half_resolution,
@@ -353,8 +394,16 @@ impl FieldOcclusionQuality {
     }
 }
 
-const fn preset_cost(estimator: OcclusionEstimator, rays: u32, half_resolution: bool) -> FieldOcclusionCost {
-    FieldOcclusionCost { estimator, ambient_rays: rays, shadow_rays: rays, half_resolution, denoise_passes: 1 }
+/// A preset whose fields are all asked by rays, or only those that have nothing else.
+const fn preset_cost(all_by_rays: bool, rays: u32, half_resolution: bool) -> FieldOcclusionCost {
+    FieldOcclusionCost {
+        estimator: if all_by_rays { OcclusionEstimator::Rays } else { OcclusionEstimator::CapGrid },
+        shadows: if all_by_rays { ShadowEstimator::Rays } else { ShadowEstimator::Cones },
+        ambient_rays: rays,
+        shadow_rays: rays,
+        half_resolution,
+        denoise_passes: 1,
+    }
 }
 
 /// `Ord::clamp`, which is not yet const.

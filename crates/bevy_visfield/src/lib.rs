@@ -83,7 +83,8 @@ use bevy::asset::AssetApp;
 pub use asset::{VisibilityField, VisibilityFieldLoader, VisibilityFieldSet};
 pub use components::{
     FieldOcclusion, FieldOcclusionCost, FieldOcclusionQuality, FieldShadows, NotFieldAmbientOccluder, NotFieldOccluder,
-    NotFieldShadowCaster, OcclusionEstimator, OcclusionFalloff, ScreenSpaceOcclusion, VisibilityField3d,
+    NotFieldShadowCaster, OcclusionEstimator, OcclusionFalloff, ScreenSpaceOcclusion, ShadowEstimator,
+    VisibilityField3d,
 };
 pub use debug::FieldDebugView;
 pub use diagnostics::FieldOcclusionDiagnosticsPlugin;
@@ -101,7 +102,7 @@ pub mod prelude {
     pub use crate::{
         FieldDebugView, FieldMemoryBudget, FieldOcclusion, FieldOcclusionQuality, FieldShadowDiagnosis, FieldShadows,
         ImplicitSurface3d, NotFieldAmbientOccluder, NotFieldOccluder, NotFieldReceiver, NotFieldShadowCaster,
-        OcclusionEstimator, OcclusionFalloff, OwnSurfaceOcclusion, ScreenSpaceOcclusion, VisibilityField,
+        OcclusionEstimator, OcclusionFalloff, OwnSurfaceOcclusion, ScreenSpaceOcclusion, ShadowEstimator, VisibilityField,
         VisibilityField3d, VisibilityFieldPlugin,
     };
 }

@@ -246,17 +246,17 @@ impl FieldShadowDiagnosis<'_, '_> {
         if Placement::new(&field.header().bounds, world_from_mesh, world_from_mesh.translation).is_none() {
             return Err(NoShadow::BadTransform);
         }
-        let by_caps = self.caps_hide_lights(field);
+        let tableless = field.distance_field().is_some() || self.caps_hide_lights(field);
         match field.table().map(visfield::ChordTable::grid) {
-            None if !by_caps => return Err(NoShadow::NoTable),
-            Some(Grid::Hemisphere(_)) if !by_caps => return Err(NoShadow::Hemisphere),
+            None if !tableless => return Err(NoShadow::NoTable),
+            Some(Grid::Hemisphere(_)) if !tableless => return Err(NoShadow::Hemisphere),
             _ => {}
         }
         if !self.lights.iter().any(|(_, visibility, _)| visibility.is_none_or(|visibility| visibility.get())) {
             return Err(NoShadow::NoLight);
         }
         self.is_seen(layers.unwrap_or_default())?;
-        self.is_on_gpu(handle.id(), by_caps)
+        self.is_on_gpu(handle.id(), tableless)
     }
 
     fn why_not_loaded(&self, id: AssetId<VisibilityField>) -> NoShadow {
@@ -296,12 +296,13 @@ impl FieldShadowDiagnosis<'_, '_> {
         })
     }
 
-    fn is_on_gpu(&self, id: AssetId<VisibilityField>, by_caps: bool) -> Result<(), NoShadow> {
+    /// `tableless`: whether it casts shadows without its table.
+    fn is_on_gpu(&self, id: AssetId<VisibilityField>, tableless: bool) -> Result<(), NoShadow> {
         if !self.feedback.is_active() {
             return Err(NoShadow::Inert);
         }
         let Some(found) = self.feedback.field(id) else { return Err(NoShadow::Uploading) };
-        let casts = |level: FieldLevel| level >= FieldLevel::Coarse || by_caps && level == FieldLevel::CapGrid;
+        let casts = |level: FieldLevel| level >= FieldLevel::Coarse || tableless && level == FieldLevel::WithoutTable;
         match found.target {
             _ if casts(found.level) => Ok(()),
             target if casts(target) => Err(NoShadow::Uploading),

@@ -191,16 +191,16 @@ fn lights_and_cameras() {
 
 #[test]
 fn what_the_gpu_lacks() {
-    use FieldLevel::{Absent, CapGrid, Coarse, Full};
+    use FieldLevel::{Absent, Coarse, Full, WithoutTable};
     let mut scene = Scene::new();
     for (level, target, expected) in [
         (Full, Full, None),
         (Coarse, Coarse, None),
         (Full, Absent, None),
-        (CapGrid, Full, Some(NoShadow::Uploading)),
+        (WithoutTable, Full, Some(NoShadow::Uploading)),
         (Absent, Coarse, Some(NoShadow::Uploading)),
-        (CapGrid, CapGrid, Some(NoShadow::TableOverBudget)),
-        (Absent, CapGrid, Some(NoShadow::TableOverBudget)),
+        (WithoutTable, WithoutTable, Some(NoShadow::TableOverBudget)),
+        (Absent, WithoutTable, Some(NoShadow::TableOverBudget)),
         (Absent, Absent, Some(NoShadow::OverBudget)),
     ] {
         scene.tell(level, target);
@@ -211,7 +211,7 @@ fn what_the_gpu_lacks() {
 
     // What is left of it hides large lights.
     scene.set_field(with_caps(HarmonicOrder::Three, true));
-    scene.tell(CapGrid, CapGrid);
+    scene.tell(WithoutTable, WithoutTable);
     assert_eq!(scene.why(), Some(NoShadow::TableOverBudget));
     let light = scene.light;
     scene.entity(light).insert(FieldShadows::SKY);

@@ -44,9 +44,10 @@ pub enum FieldLevel {
     /// Nothing: its instances do not occlude.
     #[default]
     Absent,
-    /// The cap grid without the table: ambient occlusion, but no shadows (other than of large lights, with `--order 3`).
-    CapGrid,
-    /// A table of half as many cells along each side, a sixteenth of the memory, and the cap grid if there is one.
+    /// All but the table: ambient occlusion by a cap grid, and shadows if there is a distance grid (or, of large lights, with
+    /// `--order 3`).
+    WithoutTable,
+    /// A table of half as many cells along each side, a sixteenth of the memory, and all else.
     Coarse,
     /// All that was baked.
     Full,
@@ -54,13 +55,13 @@ pub enum FieldLevel {
 
 impl FieldLevel {
     /// All levels, from nothing to everything.
-    pub const ALL: [Self; 4] = [Self::Absent, Self::CapGrid, Self::Coarse, Self::Full];
+    pub const ALL: [Self; 4] = [Self::Absent, Self::WithoutTable, Self::Coarse, Self::Full];
 }
 
 /// Bytes that each level of a field takes on the GPU; `None` for levels that it does not have.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct LevelBytes {
-    pub(super) cap_grid: Option<u64>,
+    pub(super) without_table: Option<u64>,
     pub(super) coarse: Option<u64>,
     pub(super) full: Option<u64>,
 }
@@ -69,7 +70,7 @@ impl LevelBytes {
     pub(super) fn of(&self, level: FieldLevel) -> Option<u64> {
         match level {
             FieldLevel::Absent => Some(0),
-            FieldLevel::CapGrid => self.cap_grid,
+            FieldLevel::WithoutTable => self.without_table,
             FieldLevel::Coarse => self.coarse,
             FieldLevel::Full => self.full,
         }
@@ -92,7 +93,7 @@ impl LevelBytes {
 pub(super) fn levels_within(budget: u64, fields: &[LevelBytes]) -> Vec<FieldLevel> {
     let mut levels: Vec<FieldLevel> = fields.iter().map(LevelBytes::best).collect();
     let mut total: u64 = fields.iter().map(LevelBytes::asked).sum();
-    for floor in [FieldLevel::Coarse, FieldLevel::CapGrid, FieldLevel::Absent] {
+    for floor in [FieldLevel::Coarse, FieldLevel::WithoutTable, FieldLevel::Absent] {
         for (field, level) in fields.iter().zip(&mut levels).rev() {
             if total <= budget {
                 break;
@@ -126,14 +127,14 @@ pub(super) fn steady_need(held: f32, need: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::FieldLevel::{Absent, CapGrid, Coarse, Full};
+    use super::FieldLevel::{Absent, Coarse, Full, WithoutTable};
     use super::*;
 
     /// A table with a cap grid beside it.
-    const BOTH: LevelBytes = LevelBytes { cap_grid: Some(10), coarse: Some(70), full: Some(1000) };
+    const BOTH: LevelBytes = LevelBytes { without_table: Some(10), coarse: Some(70), full: Some(1000) };
     /// A cap grid alone, and a table alone.
-    const CAPS: LevelBytes = LevelBytes { cap_grid: None, coarse: None, full: Some(10) };
-    const TABLE: LevelBytes = LevelBytes { cap_grid: None, coarse: Some(60), full: Some(990) };
+    const CAPS: LevelBytes = LevelBytes { without_table: None, coarse: None, full: Some(10) };
+    const TABLE: LevelBytes = LevelBytes { without_table: None, coarse: Some(60), full: Some(990) };
 
     #[test]
     fn the_least_needed_lose_first_and_all_lose_little_before_one_loses_more() {
@@ -142,10 +143,10 @@ mod tests {
             (2999, [Full, Full, Coarse]),
             (2069, [Full, Coarse, Coarse]),
             (1139, [Coarse, Coarse, Coarse]),
-            (209, [Coarse, Coarse, CapGrid]),
-            (149, [Coarse, CapGrid, CapGrid]),
-            (89, [CapGrid, CapGrid, CapGrid]),
-            (29, [CapGrid, CapGrid, Absent]),
+            (209, [Coarse, Coarse, WithoutTable]),
+            (149, [Coarse, WithoutTable, WithoutTable]),
+            (89, [WithoutTable, WithoutTable, WithoutTable]),
+            (29, [WithoutTable, WithoutTable, Absent]),
             (9, [Absent, Absent, Absent]),
         ] {
             assert_eq!(levels_within(budget, &[BOTH; 3]), expected, "{budget}");
@@ -162,7 +163,7 @@ mod tests {
 
     #[test]
     fn what_a_large_field_frees_goes_to_the_others() {
-        let large = LevelBytes { cap_grid: None, coarse: Some(6000), full: Some(100_000) };
+        let large = LevelBytes { without_table: None, coarse: Some(6000), full: Some(100_000) };
         assert_eq!(levels_within(9000, &[large, BOTH, BOTH]), [Coarse, Full, Full]);
         assert_eq!(levels_within(1100, &[large, BOTH, BOTH]), [Absent, Full, Coarse]);
     }
@@ -173,7 +174,7 @@ mod tests {
             .map(|i| {
                 let full = i * 7919 % 997 + 20;
                 LevelBytes {
-                    cap_grid: (i % 3 > 0).then_some(4),
+                    without_table: (i % 3 > 0).then_some(4),
                     coarse: (i % 5 > 0).then_some(full / 16 + 4),
                     full: Some(full),
                 }

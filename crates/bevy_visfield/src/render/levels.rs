@@ -14,7 +14,7 @@ use super::budget::{FieldLevel, LevelBytes};
 pub(super) struct Levels {
     full: VisibilityField,
     coarse: Coarse,
-    cap_grid: Option<VisibilityField>,
+    without_table: Option<VisibilityField>,
     bytes: LevelBytes,
     /// Centre and radius of a sphere around the mesh, in its own space.
     sphere: (Vec3, f32),
@@ -28,12 +28,12 @@ enum Coarse {
 
 impl Levels {
     pub(super) fn new(full: VisibilityField) -> Self {
-        let caps = full.cap_grid().filter(|_| full.answers_rays()).cloned();
-        let cap_grid = caps.and_then(|caps| VisibilityField::new(full.header().clone(), FieldParts::from(caps)).ok());
-        let caps_bytes = cap_grid.as_ref().map(FieldPool::bytes_of);
+        let rest = full.table().map(|_| FieldParts { table: None, ..full.parts().clone() });
+        let without_table = rest.and_then(|rest| VisibilityField::new(full.header().clone(), rest).ok());
+        let rest_bytes = without_table.as_ref().map(FieldPool::bytes_of);
         let readable = !full.table().is_some_and(|table| matches!(table.grid(), Grid::Hemisphere(_)));
         if !readable {
-            let rest = if cap_grid.is_some() { "occludes by its cap grid alone" } else { "does not occlude" };
+            let rest = if without_table.is_some() { "occludes without its table" } else { "does not occlude" };
             error!(
                 "visibility field `{}` {rest}: the GPU passes read two-point tables only; bake this one without \
                  `--representation hemisphere`",
@@ -43,15 +43,15 @@ impl Levels {
         // Not made yet, so an upper bound: the pool's places are whole headers, and so are the parts in them.
         let coarse = full.table().and_then(ChordTable::coarser_format);
         let coarse_bytes =
-            coarse.map(|format| format.bytes() + caps_bytes.unwrap_or(0) + 2 * size_of::<CapGridData>() as u64);
+            coarse.map(|format| format.bytes() + rest_bytes.unwrap_or(0) + 3 * size_of::<CapGridData>() as u64);
         let bytes = LevelBytes {
-            cap_grid: caps_bytes,
+            without_table: rest_bytes,
             coarse: coarse_bytes,
             full: readable.then(|| FieldPool::bytes_of(&full)),
         };
         let bounds = full.header().bounds;
         let radius = bounds.axes.iter().map(|axis| Vec3::from(*axis).length()).fold(0.0, f32::max);
-        Self { sphere: (bounds.center.into(), radius), full, coarse: Coarse::NotMade, cap_grid, bytes }
+        Self { sphere: (bounds.center.into(), radius), full, coarse: Coarse::NotMade, without_table, bytes }
     }
 
     /// The field as it was baked.
@@ -90,7 +90,7 @@ impl Levels {
     pub(super) fn get(&self, level: FieldLevel) -> Option<&VisibilityField> {
         match level {
             FieldLevel::Absent => None,
-            FieldLevel::CapGrid => self.cap_grid.as_ref(),
+            FieldLevel::WithoutTable => self.without_table.as_ref(),
             FieldLevel::Coarse => match &self.coarse {
                 Coarse::Made(field) => Some(field),
                 Coarse::NotMade | Coarse::Making(_) => None,
@@ -103,7 +103,7 @@ impl Levels {
     pub(super) fn give_up(&mut self, level: FieldLevel) {
         match level {
             FieldLevel::Absent => {}
-            FieldLevel::CapGrid => self.bytes.cap_grid = None,
+            FieldLevel::WithoutTable => self.bytes.without_table = None,
             FieldLevel::Coarse => (self.bytes.coarse, self.coarse) = (None, Coarse::NotMade),
             FieldLevel::Full => self.bytes.full = None,
         }

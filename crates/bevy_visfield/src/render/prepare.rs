@@ -184,8 +184,8 @@ fn place_occluders(
     settings: &TraceSettings,
     lights: &[Light],
 ) -> Vec<InstanceData> {
-    let caps = settings.caps.is_some();
-    let ambient = caps || settings.ambient_rays > 0;
+    let wanted = settings.wanted();
+    let ambient = wanted.caps || settings.ambient_rays > 0;
     let place = |occluder: &ExtractedOccluder| {
         let slot = residency.slot(occluder.field)?;
         let placement = Placement::new(slot.bounds(), occluder.world_from_mesh.as_daffine3(), camera_position);
@@ -195,17 +195,17 @@ fn place_occluders(
                 occluder.world_from_mesh
             );
         }
-        let hides_large_lights = slot.cap_grid().is_some_and(|grid| caps && grid.order == HarmonicOrder::Three);
-        let casts = |light: &Light| slot.table().is_some() || hides_large_lights && light.is_large();
-        let occludes = !ambient || caps;
-        if residency.lacks_table(occluder.field) && !(occludes && lights.iter().all(casts)) {
+        let hides_large_lights = slot.cap_grid().is_some_and(|grid| wanted.caps && grid.order == HarmonicOrder::Three);
+        let casts = |light: &Light| slot.answers().rays || hides_large_lights && light.is_large();
+        let occludes = !ambient || wanted.caps;
+        if residency.answers_no_rays(occluder.field) && !(occludes && lights.iter().all(casts)) {
             warn_once!(
-                "a visibility field has a cap grid and no table: it casts no shadows (but of large lights, with `--order 3`), \
+                "a visibility field has a cap grid alone: it casts no shadows (but of large lights, with `--order 3`), \
                  and occludes ambient light only for cameras whose FieldOcclusion takes it from cap grids. Bake it with \
-                 `--representation two-point,cap-grid`."
+                 `--representation cap-grid,distance`."
             );
         }
-        Some(InstanceData::new(slot, &placement?, occluder.casting, caps))
+        Some(InstanceData::new(slot, &placement?, occluder.casting, wanted))
     };
     let place_some = |_, occluders: &[ExtractedOccluder]| -> Vec<InstanceData> {
         occluders.iter().filter(|occluder| occluder.layers.intersects(camera_layers)).filter_map(place).collect()

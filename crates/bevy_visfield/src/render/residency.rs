@@ -107,8 +107,8 @@ impl FieldResidency {
         self.fields.get(&id)?.slot.as_ref().map(|(_, slot)| slot)
     }
 
-    /// Whether a field was baked without a table: then it is not the budget that keeps one off the GPU.
-    pub(super) fn lacks_table(&self, id: AssetId<VisibilityField>) -> bool {
+    /// Whether a field was baked without what answers rays: then it is not the budget that keeps that off the GPU.
+    pub(super) fn answers_no_rays(&self, id: AssetId<VisibilityField>) -> bool {
         self.fields.get(&id).is_some_and(|field| !field.levels.field().answers_rays())
     }
 
@@ -320,8 +320,8 @@ fn warn_of_limits(field: &visfield::VisibilityField) {
     }
     if !field.answers_rays() && field.cap_grid().is_some_and(|grid| !grid.serves_inside()) {
         warn!(
-            "the cap grid of visibility field `{name}` is wrong inside its bounding box, and there is no table for rays: \
-             ambient occlusion in there is a guess; bake it with `--representation two-point,cap-grid`"
+            "the cap grid of visibility field `{name}` is wrong inside its bounding box, and there is nothing else: \
+             ambient occlusion in there is a guess; bake it with `--representation cap-grid,distance`"
         );
     }
 }

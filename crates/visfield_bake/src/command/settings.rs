@@ -161,6 +161,7 @@ impl FieldArguments {
             bounds,
             table: representation.iter().find_map(|&name| table.format(name)),
             cap_grid: representation.contains(&RepresentationName::CapGrid).then(|| cap_grid.format()),
+            distance: None,
         }
     }
 }
