@@ -44,8 +44,6 @@ struct Meeting {
 }
 
 const COVER_STEPS: u32 = 160u;
-// As in the 2014 paper.
-const OVER_RELAXATION: f32 = 1.2;
 // The cosine between the normals of a wall's two sides is less.
 const OPPOSITE: f32 = -0.7;
 // Brushes end where the ray leaves the outer cover, or has risen by so many radii.
@@ -111,10 +109,12 @@ fn leave(cone: PixelCone) -> f32 {
     return cone.last;
 }
 
-// Sphere traces the inner cover, with over-relaxation (section 3.1 of the 2014 paper).
+// Sphere traces the inner cover, as `sphere_trace` does surfaces: relaxed where that is safe (section 3.1 of the 2014 paper). That one
+// does not tell what a ray brushes.
 fn trace_covers(cone: PixelCone) -> Meeting {
     let per_unit = length(cone.direction);
-    var omega = OVER_RELAXATION;
+    let steepest = (2.0 - RELAXATION) / RELAXATION;
+    var relaxed = true;
     var t = leave(cone);
     var meeting = Meeting(false, cone.last, t, 0u, Brush(0.0, 1.0), Brush(0.0, 1.0));
     var step = 0.0;
@@ -133,13 +133,15 @@ fn trace_covers(cone: PixelCone) -> Meeting {
             radius = facing_radius(cone, t);
         }
         let reach = (distance + radius) / per_unit;
-        if omega > 1.0 && abs(reach) + last_reach < step {
+        let least_step = 0.25 * radius / per_unit;
+        if relaxed && abs(reach) + last_reach < step && step > least_step {
             // The spheres do not touch: there may be a surface between them. Back to where the first one ends.
-            step *= 1.0 - omega;
-            t += step;
-            omega = 1.0;
+            t += last_reach - step;
+            step = last_reach;
+            relaxed = false;
             continue;
         }
+        relaxed = last_reach - reach <= steepest * step;
         let height = distance / radius;
         if height <= -1.0 {
             meeting.hit = true;
@@ -184,7 +186,7 @@ fn trace_covers(cone: PixelCone) -> Meeting {
         last_distance = distance;
         last_height = height;
         last_t = t;
-        step = max(reach * omega, 0.25 * radius / per_unit);
+        step = max(select(reach, reach * RELAXATION, relaxed), least_step);
         t += step;
         if t > cone.last {
             break;

@@ -95,11 +95,13 @@ impl SurfaceUniform {
 const SHADER: Handle<Shader> = uuid_handle!("0f6a9a0f-6f4a-4b43-9a0c-3b7f2f6d1c52");
 /// The line of the shader in whose place the plain parts go.
 const PLAIN_PARTS: &str = "//#include";
+/// The same for what only glass needs.
+const GLASS_PART: &str = "//#glass";
 
 /// The shader, joined from the part that knows Bevy's modules and from parts of plain WGSL.
 fn source() -> String {
     let plain = distance_source() + include_str!("covers.wgsl");
-    include_str!("surface.wgsl").replacen(PLAIN_PARTS, &plain, 1)
+    include_str!("surface.wgsl").replacen(PLAIN_PARTS, &plain, 1).replacen(GLASS_PART, include_str!("glass.wgsl"), 1)
 }
 
 pub(super) fn plugin(app: &mut App) {
@@ -156,10 +158,16 @@ impl MaterialExtension for SurfaceExtension {
         // The vertex shader chooses the faces.
         descriptor.primitive.cull_mode = None;
         if let Some(fragment) = &mut descriptor.fragment {
-            if key.mesh_key.intersection(MeshPipelineKey::BLEND_RESERVED_BITS) == MeshPipelineKey::BLEND_ALPHA {
+            let edges = key.mesh_key.intersection(MeshPipelineKey::BLEND_RESERVED_BITS) == MeshPipelineKey::BLEND_ALPHA;
+            if edges {
                 fragment.shader_defs.push("IMPLICIT_EDGES".into());
             }
-            if key.mesh_key.contains(MeshPipelineKey::DEPTH_PREPASS) && key.mesh_key.msaa_samples() == 1 {
+            // Bevy's prepass is without what reads the picture of the rest.
+            let glass = fragment.shader_defs.contains(&"STANDARD_MATERIAL_SPECULAR_TRANSMISSION".into());
+            if (edges || !glass)
+                && key.mesh_key.contains(MeshPipelineKey::DEPTH_PREPASS)
+                && key.mesh_key.msaa_samples() == 1
+            {
                 fragment.shader_defs.push("IMPLICIT_READS_PREPASS".into());
             }
         }

@@ -17,9 +17,15 @@
     pbr_fragment::pbr_input_from_standard_material,
     pbr_functions::{apply_pbr_lighting, main_pass_post_lighting_processing},
     pbr_types::{PbrInput, STANDARD_MATERIAL_FLAGS_UNLIT_BIT},
+    prepass_utils,
 }
-#ifdef IMPLICIT_READS_PREPASS
-#import bevy_pbr::prepass_utils
+#ifdef STANDARD_MATERIAL_SPECULAR_TRANSMISSION
+#import bevy_pbr::{
+    mesh_view_bindings::view_transmission_texture,
+    pbr_functions,
+    pbr_types::{STANDARD_MATERIAL_FLAGS_ATTENUATION_ENABLED_BIT, StandardMaterial},
+    transmission,
+}
 #endif
 #endif
 
@@ -219,8 +225,20 @@ struct MainOutput {
     @builtin(frag_depth) depth: f32,
 }
 
-// What Bevy's lighting makes of a point of the surface. Occlusion is read at `pixel`.
-fn lit(pixel: vec2<f32>, position: vec4<f32>, normal: vec3<f32>, depth: f32, instance: u32) -> vec4<f32> {
+#ifdef STANDARD_MATERIAL_SPECULAR_TRANSMISSION
+//#glass
+#endif
+
+// What Bevy's lighting makes of a point of the surface, at a place of the pixel's ray. Occlusion is read at `pixel`.
+fn lit(
+    cone: PixelCone,
+    t: f32,
+    pixel: vec2<f32>,
+    position: vec4<f32>,
+    normal: vec3<f32>,
+    depth: f32,
+    instance: u32,
+) -> vec4<f32> {
     var vertex: VertexOutput;
     vertex.position = vec4(pixel, depth, 1.0);
     vertex.world_position = position;
@@ -232,10 +250,21 @@ fn lit(pixel: vec2<f32>, position: vec4<f32>, normal: vec3<f32>, depth: f32, ins
     // Not the coarser one of the prepass.
     input.world_normal = normal;
     input.N = normal;
+#ifdef STANDARD_MATERIAL_SPECULAR_TRANSMISSION
+    let glass = input.material;
+    // What goes through is not for Bevy to find, nor scattered back.
+    input.material.base_color *= vec4(vec3(1.0 - glass.specular_transmission), 1.0);
+    input.material.specular_transmission = 0.0;
+#endif
     var color = input.material.base_color;
     if (input.material.flags & STANDARD_MATERIAL_FLAGS_UNLIT_BIT) == 0u {
         color = apply_pbr_lighting(input);
     }
+#ifdef STANDARD_MATERIAL_SPECULAR_TRANSMISSION
+    let local = cone.origin + cone.direction * t;
+    let width = gradient_width(cone, t);
+    color += vec4(glass_light(cone, width, local, pixel, position.xyz, normal, depth, glass, instance), 0.0);
+#endif
     return vec4(main_pass_post_lighting_processing(input, color).rgb, 1.0);
 }
 
@@ -305,7 +334,7 @@ fn fragment(in: Corner) -> MainOutput {
         let brush_depth = view_depth(position);
         let world = view_to_world(position);
         let shade_at = covered_pixel(pixel, world.xyz, normal, in.instance);
-        let shade = lit(shade_at, world, normal, brush_depth, in.instance);
+        let shade = lit(cone, brush.t, shade_at, world, normal, brush_depth, in.instance);
         if alpha == 0.0 {
             depth = brush_depth;
         }
@@ -331,9 +360,7 @@ fn fragment(in: Corner) -> MainOutput {
     if t < cone.first || t > cone.last {
         discard;
     }
-    let radius = cone_radius(cone, t);
-    let local = cone.origin + cone.direction * t;
-    if abs(distance_at(cone, t)) > 0.5 * radius {
+    if abs(distance_at(cone, t)) > 0.5 * cone_radius(cone, t) {
         discard;
     }
     let depth = prepass_utils::prepass_depth(in.position, 0u);
@@ -343,8 +370,6 @@ fn fragment(in: Corner) -> MainOutput {
         discard;
     }
     let t = crossing(cone, meeting);
-    let radius = cone_radius(cone, t);
-    let local = cone.origin + cone.direction * t;
     // A little nearer than in a prepass, which may have rounded otherwise.
     let depth = view_depth(ray.origin + ray.direction * t) * (1.0 + 1.0e-6);
 #endif
@@ -358,7 +383,7 @@ fn fragment(in: Corner) -> MainOutput {
 #endif
 #endif
     let world = view_to_world(ray.origin + ray.direction * t);
-    return MainOutput(lit(pixel, world, normal, depth, in.instance), depth);
+    return MainOutput(lit(cone, t, pixel, world, normal, depth, in.instance), depth);
 }
 
 #endif
