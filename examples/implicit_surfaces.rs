@@ -144,7 +144,7 @@ fn spawn_scene(
         ior: 1.5,
         perceptual_roughness: 0.0,
         attenuation_color: Color::srgb(0.75, 0.95, 0.85),
-        attenuation_distance: 1.2,
+        attenuation_distance: 2.5,
         ..default()
     });
     let mut colored = |r, g, b| {
@@ -219,10 +219,14 @@ fn spawn_scene(
         commands.spawn((knot, ChildOf(body))).id()
     };
     let triangles = spawn_knot(|turns| {
-        Transform::from_xyz(-1.0, 1.1, -1.5).with_rotation(Quat::from_rotation_y(turns * TAU)).with_scale(Vec3::splat(1.1))
+        Transform::from_xyz(-1.0, 1.1, -1.5)
+            .with_rotation(Quat::from_rotation_y(turns * TAU))
+            .with_scale(Vec3::splat(1.1))
     });
     let distances = spawn_knot(|turns| {
-        Transform::from_xyz(0.9, 1.5, -1.4).with_rotation(Quat::from_rotation_y(turns * TAU)).with_scale(Vec3::splat(1.1))
+        Transform::from_xyz(0.9, 1.5, -1.4)
+            .with_rotation(Quat::from_rotation_y(turns * TAU))
+            .with_scale(Vec3::splat(1.1))
     });
     commands.entity(triangles).insert(blue);
     commands.entity(distances).insert((gold, ByDistances));

@@ -5,9 +5,11 @@ use bevy::core_pipeline::prepass::{DepthPrepass, MotionVectorPrepass, NormalPrep
 use bevy::prelude::*;
 use bevy_visfield::prelude::*;
 use image::RgbaImage;
+use visfield::distance::{DistanceGridFormat, ball_grid};
+use visfield::shape::Shape;
 
 use crate::adapter;
-use crate::stage::{SIZE, Shading, Stage, ball_field};
+use crate::stage::{SIZE, Shading, Stage};
 
 /// How the camera looks.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,9 +30,11 @@ enum Look {
     OtherViewport,
     Block,
     Plate,
+    /// A grid of the ball.
+    Grid,
 }
 
-const LOOKS: [Look; 14] = [
+const LOOKS: [Look; 15] = [
     Look::Plain,
     Look::Deferred,
     Look::Orthographic,
@@ -45,20 +49,29 @@ const LOOKS: [Look; 14] = [
     Look::OtherViewport,
     Look::Block,
     Look::Plate,
+    Look::Grid,
 ];
+
+/// What is looked at: a ball of radius 1, or another thing.
+fn field(look: Look) -> visfield::VisibilityField {
+    let shape = match look {
+        Look::Block => Shape::Box { half_extents: [0.5, 0.7, 0.4] },
+        Look::Plate => Shape::Box { half_extents: [0.8, 0.5, 0.01] },
+        _ => Shape::Sphere { radius: 1.0 },
+    };
+    let field = visfield::VisibilityField::of_shape(shape).unwrap();
+    if look != Look::Grid {
+        return field;
+    }
+    let grid = ball_grid(1.0, DistanceGridFormat::DEFAULT);
+    let parts = visfield::FieldParts { distance: Some(grid.into()), ..visfield::FieldParts::default() };
+    visfield::VisibilityField::new(field.header().clone(), parts).unwrap()
+}
 
 /// The ball as a surface or as a mesh, `scale` times the size.
 fn picture(look: Look, implicit: bool, scale: u32) -> RgbaImage {
-    let ball = ball_field();
-    let name = match look {
-        Look::Block => "block",
-        Look::Plate => "plate",
-        _ => "sphere",
-    };
-    let header = visfield::FieldHeader { name: name.to_owned(), ..ball.header().clone() };
-    let field = visfield::VisibilityField::new(header, ball.parts().clone()).unwrap();
     let shading = if look == Look::Deferred { Shading::Deferred } else { Shading::Forward };
-    let mut stage = Stage::with_field(shading, SIZE * scale, field);
+    let mut stage = Stage::with_field(shading, SIZE * scale, field(look));
     let (ball, camera) = (stage.ball, stage.camera);
     let block = stage.headless.app.world_mut().resource_mut::<Assets<Mesh>>().add(Cuboid::new(0.5, 2.0, 1.0));
     let material = stage.entity(ball).get::<MeshMaterial3d<StandardMaterial>>().unwrap().clone();
@@ -77,7 +90,7 @@ fn picture(look: Look, implicit: bool, scale: u32) -> RgbaImage {
     }
     let mut camera = stage.entity(camera);
     match look {
-        Look::Plain | Look::Deferred => {}
+        Look::Plain | Look::Deferred | Look::Grid => {}
         Look::Orthographic => {
             let scaling_mode = ScalingMode::FixedVertical { viewport_height: 5.0 };
             camera.insert(Projection::Orthographic(OrthographicProjection {
@@ -113,8 +126,6 @@ fn picture(look: Look, implicit: bool, scale: u32) -> RgbaImage {
         }
         Look::Block | Look::Plate => {
             let mut ball = stage.entity(ball);
-            // Its field is a ball's.
-            ball.insert(NotFieldOccluder);
             let mut transform = ball.get_mut::<Transform>().unwrap();
             transform.rotate_y(0.4);
             transform.rotate_z(0.2);
@@ -191,4 +202,64 @@ fn outlines_are_smooth() {
         assert!(outline.len() > 20, "{look:?}: the pictures are the same");
         assert!(surface < 0.4 * mesh, "{look:?}: RMS {surface} against {mesh}");
     }
+}
+
+/// A ball of glass before a block; without one, only what is behind it.
+fn glass(shape: Option<Shape>, ior: f32) -> RgbaImage {
+    let mut stage = Stage::with_field(Shading::Forward, SIZE, field(Look::Plain));
+    let ball = stage.ball;
+    stage.entity(ball).despawn();
+    let world = stage.headless.app.world_mut();
+    let block = world.resource_mut::<Assets<Mesh>>().add(Cuboid::new(0.5, 2.0, 1.0));
+    let mut materials = world.resource_mut::<Assets<StandardMaterial>>();
+    let red = materials.add(Color::srgb(0.8, 0.1, 0.1));
+    let glass = materials.add(StandardMaterial {
+        base_color: Color::WHITE,
+        specular_transmission: 1.0,
+        perceptual_roughness: 0.0,
+        reflectance: 0.0,
+        ior,
+        ..default()
+    });
+    world.spawn((Mesh3d(block), MeshMaterial3d(red), Transform::from_xyz(-0.2, 1.0, -2.0)));
+    if let Some(shape) = shape {
+        let field = visfield::VisibilityField::of_shape(shape).unwrap();
+        let field = world.resource_mut::<Assets<VisibilityField>>().add(VisibilityField(field));
+        let at = Transform::from_xyz(0.0, 1.2, 0.0);
+        world.spawn((ImplicitSurface3d(field), MeshMaterial3d(glass), NotFieldOccluder, at));
+    }
+    stage.picture()
+}
+
+#[test]
+fn glass_bends_light() {
+    if !adapter::available() {
+        return;
+    }
+    let ball = Shape::Sphere { radius: 1.0 };
+    let behind = glass(None, 1.5);
+    let seen = |shape: Shape, ior| glass(Some(shape), ior);
+    let like_air = differences(&behind, &seen(ball.clone(), 1.0));
+    println!("{} pixels differ through air", count(&like_air, 8));
+    assert!(count(&like_air, 8) < 40, "{} pixels differ through a ball of air", count(&like_air, 8));
+    let convex = seen(ball.clone(), 1.5);
+    let refracted = count(&differences(&behind, &convex), 8);
+    assert!(refracted > 400, "{refracted} pixels differ through a ball of glass");
+    // It is all upside down: what is red in the middle's left moves to the right.
+    let red = |picture: &RgbaImage, x| {
+        let pixel = picture.get_pixel(x, SIZE.y / 2);
+        pixel.0[0] > 2 * pixel.0[1]
+    };
+    let side = |picture: &RgbaImage| {
+        let found: Vec<i32> = (50..110).filter(|&x| red(picture, x)).map(|x| x as i32 - 80).collect();
+        found.iter().sum::<i32>() as f32 / found.len().max(1) as f32
+    };
+    println!("red is at {} behind, {} in the glass; {refracted} pixels", side(&behind), side(&convex));
+    assert!(side(&behind) < -1.0 && side(&convex) > 0.5, "{} {}", side(&behind), side(&convex));
+    // Not known to be convex, and traced from inside.
+    let twice = Shape::Union(vec![ball.clone(), ball]);
+    assert!(!twice.is_convex());
+    let differing = count(&differences(&convex, &seen(twice, 1.5)), 8);
+    println!("{differing} pixels differ from inside");
+    assert!(differing < 40, "{differing} pixels differ from inside");
 }

@@ -102,8 +102,8 @@ pub mod prelude {
     pub use crate::{
         FieldDebugView, FieldMemoryBudget, FieldOcclusion, FieldOcclusionQuality, FieldShadowDiagnosis, FieldShadows,
         ImplicitSurface3d, NotFieldAmbientOccluder, NotFieldOccluder, NotFieldReceiver, NotFieldShadowCaster,
-        OcclusionEstimator, OcclusionFalloff, OwnSurfaceOcclusion, ScreenSpaceOcclusion, ShadowEstimator, VisibilityField,
-        VisibilityField3d, VisibilityFieldPlugin,
+        OcclusionEstimator, OcclusionFalloff, OwnSurfaceOcclusion, ScreenSpaceOcclusion, ShadowEstimator,
+        VisibilityField, VisibilityField3d, VisibilityFieldPlugin,
     };
 }
 

@@ -18,10 +18,13 @@ struct GlassPath {
     through: f32,
 }
 
-// Schlick's approximation, by the cosine on the side of the air.
+// The part of unpolarized light that a surface of glass reflects, by the cosine on the side of the air (Fresnel).
 fn reflected_part(cosine: f32, index: f32) -> f32 {
-    let straight = (index - 1.0) / (index + 1.0);
-    return mix(pow(1.0 - saturate(cosine), 5.0), 1.0, straight * straight);
+    let outside = saturate(cosine);
+    let inside = sqrt(1.0 - (1.0 - outside * outside) / (index * index));
+    let across = (outside - index * inside) / (outside + index * inside);
+    let along = (index * outside - inside) / (index * outside + inside);
+    return 0.5 * (across * across + along * along);
 }
 
 // The way of a ray that meets the surface at a place, with the normal of it in the world.

@@ -19,8 +19,39 @@ use crate::asset::VisibilityField;
 /// It also casts: the entity gets a [`VisibilityField3d`](crate::VisibilityField3d) of the same field. Put
 /// [`NotFieldOccluder`](crate::NotFieldOccluder) on it to keep it from that. It casts into no shadow map.
 ///
+/// The field needs distances that end somewhere: a shape's ([`visfield::VisibilityField::of_shape`]) but of one without end, or a grid's.
+/// Otherwise a warning says what to do, and nothing is drawn.
+///
 /// Any invertible transform is fine, mirrored and non-uniform ones included. Textures of the material are not used: there are no
-/// coordinates for them. Nor is its transparency. The entity should have no `Mesh3d`, which would be drawn as well.
+/// coordinates for them. Nor is its alpha. The entity should have no `Mesh3d`, which would be drawn as well.
+///
+/// # Glass
+///
+/// A material with `specular_transmission` above 0 is glass: rays are refracted by its `ior` (1 and more), followed through the
+/// surface's distances to where they leave it, with total reflection, and show what Bevy's transmission texture has there: all that
+/// is not transparent and on the screen. `thickness` is not used, for it is found; `attenuation_color` and `attenuation_distance` (in
+/// world units) tint by the way in the glass; `perceptual_roughness` 0 is clear. Shapes that are
+/// [convex](visfield::shape::Shape::is_convex) are traced in fewer steps, and light that has left others does not enter them again.
+///
+/// ```
+/// use bevy::prelude::*;
+/// use bevy_visfield::{ImplicitSurface3d, VisibilityField};
+/// use visfield::shape::Shape;
+/// fn glass_ball(
+///     mut commands: Commands,
+///     mut fields: ResMut<Assets<VisibilityField>>,
+///     mut materials: ResMut<Assets<StandardMaterial>>,
+/// ) -> Result {
+///     let ball = visfield::VisibilityField::of_shape(Shape::Sphere { radius: 1.0 })?;
+///     let glass =
+///         StandardMaterial { specular_transmission: 1.0, ior: 1.5, perceptual_roughness: 0.0, ..default() };
+///     commands.spawn((
+///         ImplicitSurface3d(fields.add(VisibilityField(ball))),
+///         MeshMaterial3d(materials.add(glass)),
+///     ));
+///     Ok(())
+/// }
+/// ```
 ///
 /// ```
 /// use bevy::prelude::*;

@@ -283,8 +283,15 @@ fn prepass_t(pixel: vec2<f32>, ray: ViewRay) -> f32 {
 
 #ifdef IMPLICIT_EDGES
 
-// Occlusion of a partly covered pixel is that of what lies behind it. The nearest pixel inwards that the surface covers knows better.
-fn covered_pixel(pixel: vec2<f32>, position: vec3<f32>, normal: vec3<f32>, instance: u32) -> vec2<f32> {
+// What a partly covered pixel is to be lit like.
+struct Covered {
+    pixel: vec2<f32>,
+    normal: vec3<f32>,
+}
+
+// Occlusion of a partly covered pixel is that of what lies behind it, and around a sharp edge its normal is that of neither side. The
+// nearest pixel inwards that the surface covers knows better.
+fn covered_pixel(pixel: vec2<f32>, normal: vec3<f32>, instance: u32) -> Covered {
 #ifdef IMPLICIT_READS_PREPASS
     let view_normal = (view.view_from_world * vec4(normal, 0.0)).xyz;
     let inwards = normalize(vec2(-view_normal.x, view_normal.y) + vec2(1.0e-9, 0.0));
@@ -294,11 +301,11 @@ fn covered_pixel(pixel: vec2<f32>, position: vec3<f32>, normal: vec3<f32>, insta
         let cone = pixel_cone(there, ray, instance);
         let t = prepass_t(there, ray);
         if t < 1.0e29 && abs(distance_at(cone, t)) < 1.5 * cone_radius(cone, t) {
-            return there;
+            return Covered(there, mesh_functions::mesh_normal_local_to_world(cone_gradient(cone, t), instance));
         }
     }
 #endif
-    return pixel;
+    return Covered(pixel, normal);
 }
 
 @fragment
@@ -333,8 +340,8 @@ fn fragment(in: Corner) -> MainOutput {
         let normal = mesh_functions::mesh_normal_local_to_world(gradient, in.instance);
         let brush_depth = view_depth(position);
         let world = view_to_world(position);
-        let shade_at = covered_pixel(pixel, world.xyz, normal, in.instance);
-        let shade = lit(cone, brush.t, shade_at, world, normal, brush_depth, in.instance);
+        let like = covered_pixel(pixel, normal, in.instance);
+        let shade = lit(cone, brush.t, like.pixel, world, like.normal, brush_depth, in.instance);
         if alpha == 0.0 {
             depth = brush_depth;
         }
