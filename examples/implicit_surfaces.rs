@@ -19,6 +19,7 @@ use std::f32::consts::{FRAC_PI_2, TAU};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use bevy::camera::Hdr;
 use bevy::prelude::*;
 use bevy_visfield::bake::to_bevy_mesh;
 use bevy_visfield::prelude::*;
@@ -114,8 +115,9 @@ fn add_scene(app: &mut App, knot: Knot) {
 
 fn spawn_camera(commands: &mut Commands) -> Entity {
     let view = Transform::from_xyz(2.2, 3.0, 5.2).looking_at(Vec3::new(-0.3, 0.9, 0.0), Vec3::Y);
-    // No anti-aliasing of its own, so that the surfaces' is seen.
-    commands.spawn((Camera3d::default(), Msaa::Off, view, FieldOcclusion::default())).id()
+    // No anti-aliasing of its own, so that the surfaces' is seen; and what is behind glass as bright as beside it, for which Bevy has to
+    // map its tones after all is drawn.
+    commands.spawn((Camera3d::default(), Hdr, Msaa::Off, view, FieldOcclusion::default())).id()
 }
 
 fn spawn_window_camera(mut commands: Commands) {

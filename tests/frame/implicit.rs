@@ -2,6 +2,7 @@
 
 use bevy::camera::ScalingMode;
 use bevy::core_pipeline::prepass::{DepthPrepass, MotionVectorPrepass, NormalPrepass};
+use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::prelude::*;
 use bevy_visfield::prelude::*;
 use image::RgbaImage;
@@ -209,6 +210,9 @@ fn glass(shape: Option<Shape>, ior: f32) -> RgbaImage {
     let mut stage = Stage::with_field(Shading::Forward, SIZE, field(Look::Plain));
     let ball = stage.ball;
     stage.entity(ball).despawn();
+    // Bevy undoes the mapping of what is seen through glass no more than roughly.
+    let camera = stage.camera;
+    stage.entity(camera).insert(Tonemapping::None);
     let world = stage.headless.app.world_mut();
     let block = world.resource_mut::<Assets<Mesh>>().add(Cuboid::new(0.5, 2.0, 1.0));
     let mut materials = world.resource_mut::<Assets<StandardMaterial>>();
