@@ -4,6 +4,7 @@ mod accumulated;
 mod adapter;
 mod diagnostics;
 mod end_to_end;
+mod implicit;
 mod lights;
 mod lights_exact;
 mod loss;

@@ -6,11 +6,12 @@ use crate::cargo::{self, Target};
 use crate::{TaskError, assets, driver, execute};
 
 /// Every example that shows something, and arguments of its own.
-const EXAMPLES: [(&str, &[&str]); 5] = [
+const EXAMPLES: [(&str, &[&str]); 6] = [
     ("moving_objects", &["--frames", "2"]),
     ("lights", &["--frames", "1"]),
     ("compare", &["--frames", "1"]),
     ("ten_thousand", &["--frames", "2"]),
+    ("implicit_surfaces", &["--frames", "1"]),
     // It writes no frames, but what they cost.
     ("frame_bench", &["--quick", "--frames", "1", "--size", "160x90"]),
 ];

@@ -71,6 +71,7 @@ mod diagnose;
 mod diagnostics;
 #[cfg(feature = "gizmos")]
 mod gizmos;
+mod implicit;
 mod no_shadow;
 mod receivers;
 mod render;
@@ -89,6 +90,7 @@ pub use debug::FieldDebugView;
 pub use diagnostics::FieldOcclusionDiagnosticsPlugin;
 #[cfg(feature = "gizmos")]
 pub use gizmos::FieldBoundsGizmos;
+pub use implicit::ImplicitSurface3d;
 pub use no_shadow::{FieldShadowDiagnosis, NoShadow, why_no_shadow};
 pub use receivers::{NotFieldReceiver, OwnSurfaceOcclusion};
 pub use render::{FieldLevel, FieldMemoryBudget, FieldOcclusionFrame, FieldOcclusionSystems, FieldResidency};
@@ -99,9 +101,9 @@ pub mod prelude {
     pub use crate::bake::{BakeProgress, BakeVisibilityField};
     pub use crate::{
         FieldDebugView, FieldMemoryBudget, FieldOcclusion, FieldOcclusionQuality, FieldShadowDiagnosis, FieldShadows,
-        NotFieldAmbientOccluder, NotFieldOccluder, NotFieldReceiver, NotFieldShadowCaster, OcclusionEstimator,
-        OcclusionFalloff, OwnSurfaceOcclusion, ScreenSpaceOcclusion, ShadowEstimator, VisibilityField,
-        VisibilityField3d, VisibilityFieldPlugin,
+        ImplicitSurface3d, NotFieldAmbientOccluder, NotFieldOccluder, NotFieldReceiver, NotFieldShadowCaster,
+        OcclusionEstimator, OcclusionFalloff, OwnSurfaceOcclusion, ScreenSpaceOcclusion, ShadowEstimator,
+        VisibilityField, VisibilityField3d, VisibilityFieldPlugin,
     };
 }
 
@@ -132,7 +134,7 @@ impl Plugin for VisibilityFieldPlugin {
             .register_type::<NotFieldReceiver>()
             .register_type::<OwnSurfaceOcclusion>()
             .add_systems(PostUpdate, components::bring_motion_vectors)
-            .add_plugins((render::plugin, debug::plugin, diagnose::plugin));
+            .add_plugins((render::plugin, debug::plugin, diagnose::plugin, implicit::plugin));
         #[cfg(feature = "bake")]
         app.add_plugins(bake::plugin);
         #[cfg(feature = "gizmos")]
