@@ -7,6 +7,7 @@
 
 #![expect(
     clippy::needless_range_loop,
+    clippy::needless_bitwise_bool,
     reason = "lane by lane through several arrays, and without branches: that is what becomes vector instructions"
 )]
 
@@ -235,7 +236,9 @@ fn step<C: Copy + Into<f32>>(
         lanes.step[lane] = if back { previous } else { step };
         lanes.previous[lane] = if back { previous } else { distance };
         hit[lane] = met;
-        over[lane] = met | !(t < lanes.t_max[lane]) | (lanes.evaluations[lane] >= MAX_STEPS);
+        // What is no number is over, too.
+        let goes_on = (t < lanes.t_max[lane]) & (lanes.evaluations[lane] < MAX_STEPS);
+        over[lane] = met | !goes_on;
         lanes.t[lane] = t;
     }
     (hit, over)

@@ -382,18 +382,7 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
         open.set(lane, normals.get(lane) * MEAN_COSINE);
     }
     for occluder in occluders {
-        let mut reach = [0.0; N];
-        let reach_by = |reach: &mut [f32; N], falloff| {
-            for lane in 0..N {
-                let receiver = (positions.get(lane), normals.get(lane));
-                reach[lane] = reach_of(&occluder.placement, receiver, falloff, settings.max_distance);
-            }
-        };
-        // The most common one by itself: exponentials keep a loop from becoming vector instructions.
-        match settings.falloff {
-            Falloff::Binary => reach_by(&mut reach, Falloff::Binary),
-            other => reach_by(&mut reach, other),
-        }
+        let reach = reaches(&occluder.placement, positions, normals, settings);
         if reach.iter().all(|reach| *reach <= 0.0) {
             continue;
         }
@@ -404,23 +393,7 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
         if let Some((cap, grid)) = occluder.grid.filter(|_| occluder.source.has_caps()) {
             let map = Map::new(&cap);
             let seen = Seen::new(grid, &map, positions);
-            for lane in 0..N {
-                let normal = map.turned(normals.get(lane));
-                occlusion[lane] = cap_occlusion(seen.harmonics(lane), &seen.cap(lane), normal);
-            }
-            if cap.stretched > 0.0 {
-                let world_from_cap = cap.world_from_cap();
-                for lane in 0..N {
-                    let in_world = seen.cap(lane).mapped(&world_from_cap);
-                    let mapped = cap_occlusion(in_world.harmonics(), &in_world, normals.get(lane));
-                    occlusion[lane] += (mapped - occlusion[lane]) * cap.stretched;
-                }
-            }
-            if let Some(cones) = occluder.cones {
-                for lane in 0..N {
-                    occlusion[lane] = occlusion[lane].max(cones.contact(positions.get(lane), normals.get(lane)));
-                }
-            }
+            occlusion = occluder.grid_occlusion(&cap, &seen, &map, positions, normals);
             if occluder.source != OcclusionSource::CapGrid {
                 for lane in 0..N {
                     left[lane] = grid.inside_share(seen.positions.get(lane));
@@ -442,21 +415,14 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
         }
         if let Some(cones) = occluder.cones.filter(|_| occluder.source.has_cones()) {
             for lane in 0..N {
-                let share = left[lane] * reach[lane];
-                if share > 0.0 {
-                    let receiver = ConeReceiver { position: positions.get(lane), normal: normals.get(lane) };
-                    let mut sum = 0.0;
-                    for k in 0..K {
-                        let disc = ConeDisc {
-                            direction: directions[k].get(lane),
-                            tangent: cone_tangent(K),
-                            distance: f32::INFINITY,
-                        };
-                        let hidden = share * cones.edge_occlusion(&receiver, &disc, settings.bias);
-                        soft[k][lane] = (soft[k][lane] + hidden).min(1.0);
-                        sum += hidden;
-                    }
-                    occlusion[lane] = (occlusion[lane] + sum / K as f32).min(1.0);
+                left[lane] *= reach[lane];
+                let receiver = ConeReceiver { position: positions.get(lane), normal: normals.get(lane) };
+                if left[lane] > 0.0 {
+                    let hidden = directions.each_ref().map(|direction| {
+                        left[lane] * cones.edge_occlusion(&receiver, &sky_disc::<K>(direction.get(lane)), settings.bias)
+                    });
+                    soft.iter_mut().zip(hidden).for_each(|(soft, hidden)| soft[lane] = (soft[lane] + hidden).min(1.0));
+                    occlusion[lane] = (occlusion[lane] + hidden.iter().sum::<f32>() / K as f32).min(1.0);
                 }
             }
         }
@@ -495,10 +461,43 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
     answers
 }
 
-/// Tangent of the half-angle of one of `directions` cones that fill a hemisphere.
-fn cone_tangent(directions: usize) -> f32 {
-    let cosine = 1.0 - 1.0 / directions as f32;
-    (1.0 - cosine * cosine).sqrt() / cosine
+/// One of `K` discs that fill a hemisphere.
+fn sky_disc<const K: usize>(direction: Vec3) -> ConeDisc {
+    let cosine = 1.0 - 1.0 / K as f32;
+    ConeDisc { direction, tangent: (1.0 - cosine * cosine).sqrt() / cosine, distance: f32::INFINITY }
+}
+
+impl CapOccluder<'_> {
+    /// What N receivers get of its cap grid, and of its contact.
+    #[inline(always)]
+    fn grid_occlusion<const N: usize>(
+        &self,
+        cap: &CapPlacement,
+        seen: &Seen<N>,
+        map: &Map,
+        positions: &Vectors<N>,
+        normals: &Vectors<N>,
+    ) -> [f32; N] {
+        let mut occlusion = [0.0; N];
+        for lane in 0..N {
+            let normal = map.turned(normals.get(lane));
+            occlusion[lane] = cap_occlusion(seen.harmonics(lane), &seen.cap(lane), normal);
+        }
+        if cap.stretched > 0.0 {
+            let world_from_cap = cap.world_from_cap();
+            for lane in 0..N {
+                let in_world = seen.cap(lane).mapped(&world_from_cap);
+                let mapped = cap_occlusion(in_world.harmonics(), &in_world, normals.get(lane));
+                occlusion[lane] += (mapped - occlusion[lane]) * cap.stretched;
+            }
+        }
+        if let Some(cones) = &self.cones {
+            for lane in 0..N {
+                occlusion[lane] = occlusion[lane].max(cones.contact(positions.get(lane), normals.get(lane)));
+            }
+        }
+        occlusion
+    }
 }
 
 /// The unit vector along what is open, above the surface; the normal itself if nothing is.
@@ -608,6 +607,29 @@ impl<const N: usize> Seen<N> {
 #[inline(always)]
 fn unit(v: Vec3) -> Vec3 {
     v * (1.0 / v.dot(v).sqrt().max(f32::MIN_POSITIVE))
+}
+
+/// [`reach_of`] for N receivers.
+#[inline(always)]
+fn reaches<const N: usize>(
+    placement: &Placement,
+    positions: &Vectors<N>,
+    normals: &Vectors<N>,
+    settings: &CapSettings,
+) -> [f32; N] {
+    let mut reach = [0.0; N];
+    let mut reach_by = |falloff| {
+        for lane in 0..N {
+            let receiver = (positions.get(lane), normals.get(lane));
+            reach[lane] = reach_of(placement, receiver, falloff, settings.max_distance);
+        }
+    };
+    // The most common one by itself: exponentials keep a loop from becoming vector instructions.
+    match settings.falloff {
+        Falloff::Binary => reach_by(Falloff::Binary),
+        other => reach_by(other),
+    }
+    reach
 }
 
 /// How far an object counts at a receiver: fading out as it leaves the maximum distance, and not at all where it is so far that

@@ -106,10 +106,9 @@ impl Answers {
     fn choose(self, grid_serves_inside: Option<bool>, cones: bool) -> OcclusionSource {
         let cones = cones && self.distances;
         match grid_serves_inside {
-            Some(true) => OcclusionSource::CapGrid,
             Some(false) if cones => OcclusionSource::CapGridWithConesInside,
             Some(false) if self.rays => OcclusionSource::CapGridWithRaysInside,
-            Some(false) => OcclusionSource::CapGrid,
+            Some(_) => OcclusionSource::CapGrid,
             None if cones => OcclusionSource::Cones,
             None if self.rays => OcclusionSource::Rays,
             None => OcclusionSource::None,

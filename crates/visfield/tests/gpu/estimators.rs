@@ -36,7 +36,7 @@ fn cheap_estimates_are_those_of_the_twin() {
             position: (center + at(1) * (2.0 + (i % 13) as f32 * 0.3)).to_array(),
             scale: 4.0 + (i % 5) as f32 * 3.0,
             normal: at(7919).to_array(),
-            bend: if i % 2 == 0 { 0.0 } else { 0.5 },
+            bend: if i.is_multiple_of(2) { 0.0 } else { 0.5 },
             direction: at(104_729).to_array(),
             padding: 0.0,
         }

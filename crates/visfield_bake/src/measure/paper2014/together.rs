@@ -36,6 +36,7 @@ pub struct Technique {
 
 /// What is on.
 #[derive(Clone, Copy, Default)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a switch of its own")]
 struct Switches {
     /// ω, and whether it is by our rule.
     relaxation: Option<(f32, bool)>,
