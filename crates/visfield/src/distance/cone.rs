@@ -27,6 +27,9 @@ pub const START: f32 = 0.25;
 /// Least step, as a share of the radius of the bounds.
 pub const LEAST_STEP: f32 = 0.02;
 
+/// Most that the least step may be, in voxels: the bounds of shapes without end say nothing of their size.
+pub const WIDEST_STEP: f32 = 2.0;
+
 /// Radius of each of the seven discs, in radii of the light: together they are as large as the light, 1/√7.
 pub const PART_RADIUS: f32 = 0.377_964_5;
 /// The centres of the six discs around the middle one, in radii of the light: as far out, √½, as the seven discs need to be as
@@ -189,7 +192,7 @@ impl DistanceField {
             threshold: self.threshold(),
             slack: bias.height * SLACK * voxel,
             slack_reach: (bias.along * SLACK_REACH * voxel).max(f32::MIN_POSITIVE),
-            least_step: LEAST_STEP * radius,
+            least_step: (LEAST_STEP * radius).min(WIDEST_STEP),
             ..SphereTracing::default()
         };
         let lift = if normal == Vec3::ZERO { 0.0 } else { (-self.distance(position)).clamp(0.0, settings.slack) };

@@ -5,6 +5,7 @@
 const CONE_STEPS: u32 = 32u;
 const CONE_START: f32 = 0.25;
 const CONE_LEAST_STEP: f32 = 0.02;
+const CONE_WIDEST_STEP: f32 = 2.0;
 const PART_RADIUS: f32 = 0.3779645;
 const RING: array<vec2<f32>, 6> = array<vec2<f32>, 6>(
     vec2<f32>(0.70710678, 0.0),
@@ -77,7 +78,7 @@ fn cone_march(source: DistanceSource, t_light: f32, bias: Bias) -> ConeMarch {
     let voxel = source.threshold / GRID_THRESHOLD;
     return ConeMarch(
         source, CONE_START * voxel, bias.height * SLACK * voxel,
-        max(bias.along * SLACK_REACH * voxel, 1.1754944e-38), CONE_LEAST_STEP * radius, center, radius, t_light,
+        max(bias.along * SLACK_REACH * voxel, 1.1754944e-38), min(CONE_LEAST_STEP * radius, CONE_WIDEST_STEP), center, radius, t_light,
     );
 }
 
