@@ -183,7 +183,7 @@ fn bad_input_is_told_once_and_the_rest_renders() {
     assert_told_once(&["text.vfield", "not a .vfield file"]);
     assert_told_once(&["missing.vfield"]);
     assert_told_once(&["neither loaded nor loading"]);
-    assert_told_once(&["a cap grid and no table", "casts no shadows"]);
+    assert_told_once(&["a cap grid alone", "casts no shadows"]);
     assert_told_once(&["the cap grid of visibility field `ball` is wrong inside its bounding box"]);
     assert_told_once(&["singular or not finite"]);
     assert_told_once(&["FieldOcclusion needs Msaa::Off", "Sample4"]);

@@ -115,7 +115,7 @@ pub struct FieldOcclusion {
     /// What becomes of Bevy's own `ScreenSpaceAmbientOcclusion`, if the camera has that too.
     pub screen_space: ScreenSpaceOcclusion,
     /// Whether frames are joined with those before them: other rays in every frame, and what they found follows the surfaces by
-    /// Bevy's motion vectors, whose prepass it adds. Smoother for a few rays; needs no temporal anti-aliasing. Cap grids have no use
+    /// Bevy's motion vectors, whose prepass it adds. Smoother for a few rays; needs no temporal anti-aliasing. Cap grids and cones have no use
     /// for it. Off by default.
     pub accumulate: bool,
     /// Scales how far an occluder must rise above the plane of a receiver to count, 1 by default: a small part of a cell of
@@ -262,8 +262,9 @@ pub(crate) fn bring_motion_vectors(
     }
 }
 
-/// What ambient occlusion is taken from. A field is asked by the part that it has: one without a cap grid gets rays, and
-/// receivers inside an object whose grid is known to be wrong there (a hollow crate) get rays too.
+/// What ambient occlusion is taken from. A field is asked by the part that it has: one without a cap grid is
+/// asked by cones through its distances, if [shadows](ShadowEstimator) are taken from cones, and by rays otherwise; and so are receivers
+/// inside an object whose grid is known to be wrong there (a hollow crate).
 ///
 /// ```
 /// use bevy::prelude::*;
@@ -282,8 +283,8 @@ pub enum OcclusionEstimator {
     /// each other by chance at [`Low`](FieldOcclusionQuality::Low), along 16 directions at
     /// [`High`](FieldOcclusionQuality::High) and [`Ultra`](FieldOcclusionQuality::Ultra), and along 8 otherwise.
     CapGrid,
-    /// Rays through tables. More accurate on an object's own surface and in contact, at many times the cost; the noise is
-    /// filtered. A field without a table does not occlude ambient light.
+    /// Rays through tables and distances. More accurate on an object's own surface and in contact, at many times the cost; the noise is
+    /// filtered. A field of a cap grid alone does not occlude ambient light.
     Rays,
 }
 
@@ -303,8 +304,8 @@ pub enum ShadowEstimator {
     /// Cones for [`Low`](FieldOcclusionQuality::Low) and [`Medium`](FieldOcclusionQuality::Medium), rays for the others.
     #[default]
     ByQuality,
-    /// One cone per pixel, light and object, marched through its distance grid: no noise and no filter. Good for lights of up to 15°
-    /// half-angle; what is beside the nearest edge in a cone is not seen.
+    /// A cone per pixel, light and object, marched through its distances, and in penumbrae six more: no noise and no filter. Good for lights
+    /// of up to 15° half-angle. With cap grids, cones also give the ambient occlusion of fields that have none.
     Cones,
     /// Rays. Right for lights of any size and shape; the noise is filtered.
     Rays,
@@ -487,7 +488,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cheaper_presets_use_cap_grids_unless_told_otherwise() {
+    fn the_cheaper_presets_use_cap_grids_and_cones_unless_told_otherwise() {
         use FieldOcclusionQuality::{Custom, High, Low, Medium, Ultra};
         let caps = |quality, estimator| FieldOcclusion { quality, estimator, ..default() }.trace_settings().caps;
         let custom = Custom { ambient_rays: 3, shadow_rays: 3, half_resolution: false, denoise_passes: 0 };
@@ -497,5 +498,10 @@ mod tests {
             assert!(caps(quality, OcclusionEstimator::Rays).is_none());
         }
         assert_eq!(caps(Low, OcclusionEstimator::ByQuality), Some(CapCombination::Product));
+        let cones = |quality, shadows| FieldOcclusion { quality, shadows, ..default() }.trace_settings().cones;
+        for (quality, by_cones) in [(Low, true), (Medium, true), (High, false), (Ultra, false), (custom, false)] {
+            assert_eq!(cones(quality, ShadowEstimator::ByQuality), by_cones, "{quality:?}");
+            assert!(cones(quality, ShadowEstimator::Cones) && !cones(quality, ShadowEstimator::Rays));
+        }
     }
 }

@@ -81,10 +81,10 @@ pub enum NoShadow {
         self.code()
     )]
     BadTransform,
-    /// Its field was baked without a table, and no light is hidden by its cap grid.
+    /// Its field was baked to a cap grid alone, and no light is hidden by that.
     #[error(
-        "{}: its field has a cap grid and no table, which shadows no lights but large ones (with `--order 3`); bake it with \
-         `--representation two-point,cap-grid`",
+        "{}: its field has a cap grid alone, which shadows no lights but large ones (with `--order 3`); bake it with \
+         `--representation cap-grid,distance`",
         self.code()
     )]
     NoTable,

@@ -45,7 +45,9 @@ fn through_glass(
     path.through -= reflected_part(-dot(ray, entry_normal), index);
     for (var i = 0u; i < GLASS_BOUNCES; i++) {
         // As far beyond the surface as the ray may have ended before it (section 3.3 of the 2014 paper).
-        let outwards = normalize(gradient(source, path.position, width));
+        let steepest = gradient(source, path.position, width);
+        // On ridges distances have no direction.
+        let outwards = select(-path.direction, normalize(steepest), dot(steepest, steepest) > 1.0e-12);
         let start = path.position - outwards * escape(settings, field_distance(source, path.position));
         let along = cone.local_from_world * path.direction;
         let per_unit = length(along);

@@ -201,20 +201,20 @@ fn follow_surfaces(
             if old_layers != layers {
                 match layers {
                     Some(layers) => commands.entity(*child).try_insert(layers.clone()),
-                    None => commands.entity(*child).remove::<RenderLayers>(),
+                    None => commands.entity(*child).try_remove::<RenderLayers>(),
                 };
             }
             if was_not_receiver != not_receiver {
                 if not_receiver {
                     commands.entity(*child).try_insert(NotShadowReceiver);
                 } else {
-                    commands.entity(*child).remove::<NotShadowReceiver>();
+                    commands.entity(*child).try_remove::<NotShadowReceiver>();
                 }
             }
             if old_tag.map(|tag| tag.0) != tag.map(|tag| tag.0) {
                 match tag {
                     Some(tag) => commands.entity(*child).try_insert(tag.clone()),
-                    None => commands.entity(*child).remove::<MeshTag>(),
+                    None => commands.entity(*child).try_remove::<MeshTag>(),
                 };
             }
         }

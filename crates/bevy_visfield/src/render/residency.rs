@@ -312,7 +312,7 @@ pub(super) fn update_residency(
 /// Says what a field will get wrong, if that is known.
 fn warn_of_limits(field: &visfield::VisibilityField) {
     let name = &field.header().name;
-    if field.table().is_some_and(|table| table.encoding() == Encoding::Bit) {
+    if field.distance_field().is_none() && field.table().is_some_and(|table| table.encoding() == Encoding::Bit) {
         warn!(
             "visibility field `{name}` is of bits, which know no distances: its own mesh looks black where it receives \
              occlusion by rays; bake it with `--encoding u8`, unless it is never seen itself"

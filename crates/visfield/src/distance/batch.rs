@@ -17,7 +17,7 @@ use glam::Vec3;
 use pulp::{Arch, NullaryFnOnce};
 
 use super::grid::{Cells, DistanceGrid, GridShape};
-use super::query::{LEAST_STEP, MAX_STEPS, RELAXATION, SLACK, SLACK_REACH, Segment, lifted, segment};
+use super::query::{LEAST_REACH, LEAST_STEP, MAX_STEPS, RELAXATION, SLACK, SLACK_REACH, Segment, lifted, segment};
 use super::sphere_trace::adapted;
 use super::{DistanceField, GRID_THRESHOLD};
 use crate::field::lanes::Vectors;
@@ -177,7 +177,7 @@ impl<C: Copy + Into<f32>, A, F: Fn(&Ray, f32) -> A> NullaryFnOnce for March<'_, 
             if at_work == 0 {
                 return;
             }
-            let (hit, over) = step(&grid, codes, bias.along * SLACK_REACH, &mut lanes);
+            let (hit, over) = step(&grid, codes, (bias.along * SLACK_REACH).max(LEAST_REACH), &mut lanes);
             for lane in 0..LANES {
                 if over[lane] && lanes.ray[lane] != IDLE {
                     let ray = lanes.ray[lane];

@@ -14,7 +14,7 @@ use std::f32::consts::FRAC_1_SQRT_2;
 
 use glam::{Vec2, Vec3};
 
-use super::query::{SLACK, SLACK_REACH};
+use super::query::{LEAST_REACH, SLACK, SLACK_REACH, lifted};
 use super::sphere_trace::SphereTracing;
 use super::{DistanceField, GRID_THRESHOLD};
 use crate::estimate::light::orthonormal_pair;
@@ -27,8 +27,8 @@ pub const START: f32 = 0.25;
 /// Least step, as a share of the radius of the bounds.
 pub const LEAST_STEP: f32 = 0.02;
 
-/// Most that the least step may be, in voxels: the bounds of shapes without end say nothing of their size.
-pub const WIDEST_STEP: f32 = 2.0;
+/// Most that the least step may be, in the field's units: the bounds of shapes without end say nothing of their size.
+pub const WIDEST_STEP: f32 = 5.0;
 
 /// Radius of each of the seven discs, in radii of the light: together they are as large as the light, 1/√7.
 pub const PART_RADIUS: f32 = 0.377_964_5;
@@ -191,12 +191,12 @@ impl DistanceField {
             max_steps: MAX_STEPS,
             threshold: self.threshold(),
             slack: bias.height * SLACK * voxel,
-            slack_reach: (bias.along * SLACK_REACH * voxel).max(f32::MIN_POSITIVE),
+            slack_reach: (bias.along * SLACK_REACH * voxel).max(LEAST_REACH),
             least_step: (LEAST_STEP * radius).min(WIDEST_STEP),
             ..SphereTracing::default()
         };
-        let lift = if normal == Vec3::ZERO { 0.0 } else { (-self.distance(position)).clamp(0.0, settings.slack) };
-        (ConeMarch { settings, start: START * voxel, center, radius, t_light }, position + normal * lift)
+        let origin = lifted(position, normal, settings.slack, |position| self.distance(position));
+        (ConeMarch { settings, start: START * voxel, center, radius, t_light }, origin)
     }
 }
 

@@ -132,7 +132,7 @@ impl DistanceGridHeader {
         let voxel = (size.max_element() / inner).max(f64::from(f32::MIN_POSITIVE)) as f32;
         let margin = 2.0 * f64::from(MARGIN);
         let cells = (size / f64::from(voxel) + margin - 1e-3).ceil().max(DVec3::ONE).to_array();
-        let points = cells.map(|cells| (cells as u32 + 1).min(format.voxels));
+        let points = cells.map(|cells| (cells as u32 + 1).clamp(2, format.voxels.max(2)));
         let span = DVec3::from(points.map(|points| f64::from(points - 1))) * f64::from(voxel);
         let first = ((low + high - span) * 0.5).as_vec3().to_array();
         Self { format, points, first, voxel, low: 0.0, range: 0.0, excess: 0.0 }
@@ -235,6 +235,10 @@ impl DistanceGrid {
     /// # Errors
     /// [`FieldError`] if a number is not finite or out of range, or if there are not as many as the header says.
     pub fn from_distances(header: DistanceGridHeader, distances: &[f32]) -> Result<Self, FieldError> {
+        let points = header.points.iter().all(|points| (2..=MAX_VOXELS).contains(points));
+        if !points {
+            return Err(FieldError::DistanceGrid);
+        }
         if distances.len() as u64 != header.count() {
             let bytes = distances.len() as u64 * header.format.precision.bytes();
             return Err(FieldError::TableLength { expected: header.bytes(), found: bytes });
@@ -371,7 +375,8 @@ impl GridShape {
         let far = between(between(e, f, fraction.x), between(g, h, fraction.x), fraction.y);
         let distance = self.low + self.step * between(near, far, fraction.z);
         let above = distance.max(0.0);
-        if squared_beyond > 0.0 { (squared_beyond + above * above).sqrt() } else { distance }
+        // A place that is no number has no distance either.
+        if squared_beyond == 0.0 { distance } else { (squared_beyond + above * above).sqrt() }
     }
 }
 

@@ -13,6 +13,8 @@ use crate::field::query::{Bias, Ray, finite};
 pub const SLACK: f32 = 2.0;
 /// Over how long a way that ends, in multiples of [`Bias::along`] and voxels: 1.2 voxels by default.
 pub const SLACK_REACH: f32 = 4.8;
+/// Least length over which slack ends: a bias of nothing has no slack to end.
+pub const LEAST_REACH: f32 = 1.0e-6;
 /// Least step of rays that only ask whether something is in the way: less than a grid shows to be thick.
 pub const LEAST_STEP: f32 = 0.25;
 /// Most steps of such a ray.
@@ -68,7 +70,10 @@ pub(super) fn segment(ray: &Ray, slack: f32, (low, high): (Vec3, Vec3), lift: im
     let inside = ray.origin.clamp(low, high) == ray.origin;
     let (slack, origin) = if inside { (slack, lift(ray.origin)) } else { (0.0, ray.origin) };
     let (t_entry, t_exit) = box_segment(origin, direction, low, high);
-    Segment { origin, direction, t_min: t_entry.max(0.0), t_max: t_exit.min(ray.t_max * length), slack }
+    let end = ray.t_max * length;
+    // An end that is no number is before everything.
+    let t_max = if t_exit < end { t_exit } else { end };
+    Segment { origin, direction, t_min: t_entry.max(0.0), t_max, slack }
 }
 
 impl DistanceField {
@@ -85,7 +90,7 @@ impl DistanceField {
             smoothing: 0,
             from_inside: false,
             slack: bias.height * (SLACK * finer),
-            slack_reach: bias.along * (SLACK_REACH * finer),
+            slack_reach: (bias.along * (SLACK_REACH * finer)).max(LEAST_REACH),
             least_step: LEAST_STEP * finer,
         }
     }
@@ -116,8 +121,11 @@ impl DistanceField {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::distance::{DistanceGridFormat, DistancePrecision, ball_grid};
+    use crate::distance::{
+        DistanceGrid, DistanceGridFormat, DistanceGridHeader, DistancePrecision, Solid, ball_grid, grid_positions,
+    };
     use crate::estimate::sampling::sphere_samples;
+    use crate::shape::Shape;
     use glam::Vec3Swizzles;
 
     fn ball(voxels: u32, precision: DistancePrecision) -> DistanceField {
@@ -149,6 +157,64 @@ mod tests {
                     assert_eq!(field.hit(ray, normal, bias).unwrap_or(f32::INFINITY), hit, "{ray:?}");
                     assert_eq!(field.occluded(ray, normal, bias), occluded, "{ray:?}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn rays_across_a_hollow_end_at_the_other_side() {
+        // The wall that a ray leaves is nearer than the one that it meets.
+        let hollow = Shape::Box { half_extents: [1.0; 3] }.difference(Shape::Sphere { radius: 0.9 });
+        let shape = DistanceField::Shape(Solid::new(hollow).unwrap());
+        let header = DistanceGridHeader::around([-1.0; 3], [1.0; 3], DistanceGridFormat::DEFAULT);
+        let sampled: Vec<f32> = grid_positions(&header)
+            .map(|p| {
+                let outside = p.abs().max_element() - 1.0;
+                (outside.max(0.9 - p.length()) / f64::from(header.voxel)) as f32
+            })
+            .collect();
+        let grid = DistanceField::Grid(DistanceGrid::from_distances(header, &sampled).unwrap());
+        for field in [shape, grid] {
+            let map = field.distance_from_mesh().as_affine3a();
+            for sample in sphere_samples(200) {
+                let (origin, direction) = (sample * 0.9, Vec3::new(sample.y, sample.z, sample.x) * 0.9 - sample * 0.9);
+                let normal = -sample;
+                if direction.length() < 0.4 {
+                    continue;
+                }
+                let ray = Ray::new(map.transform_point3(origin), map.transform_vector3(direction));
+                let hit = field.hit(&ray, normal, Bias::default()).expect("the other side is ahead");
+                assert!((hit - 1.0).abs() < 0.08, "{field:?} at {sample}: {hit}");
+                let mut batch = [0.0];
+                field.hit_batch(&[ray], normal, Bias::default(), &mut batch);
+                assert_eq!(batch, [hit]);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_ray_hits_nothing() {
+        for field in
+            [ball(24, DistancePrecision::U8), DistanceField::Shape(Solid::new(Shape::Sphere { radius: 1.0 }).unwrap())]
+        {
+            let middle = (field.bounds().0 + field.bounds().1) * 0.5;
+            let ray = Ray::new(middle - Vec3::X * 90.0, Vec3::X);
+            assert!(field.occluded(&ray, Vec3::ZERO, Bias::NONE));
+            for wrong in [
+                Ray { t_max: f32::NAN, ..ray },
+                Ray { direction: Vec3::ZERO, ..ray },
+                Ray { direction: Vec3::NAN, ..ray },
+                Ray { origin: Vec3::NAN, ..ray },
+                Ray { origin: Vec3::splat(f32::INFINITY), ..ray },
+            ] {
+                let (mut hit, mut occluded) = ([0.0], [true]);
+                field.hit_batch(&[wrong], Vec3::Y, Bias::default(), &mut hit);
+                field.occluded_batch(&[wrong], Vec3::Y, Bias::NONE, &mut occluded);
+                assert!(
+                    !field.occluded(&wrong, Vec3::ZERO, Bias::NONE)
+                        && field.hit(&wrong, Vec3::Y, Bias::default()).is_none()
+                );
+                assert_eq!((hit, occluded), ([f32::INFINITY], [false]), "{wrong:?}");
             }
         }
     }

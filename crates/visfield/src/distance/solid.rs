@@ -7,7 +7,7 @@ use crate::shape::{Shape, ShapeError, ShapeExtent, ShapeProgram};
 
 /// Units of a shape's distances to its bounding radius.
 const UNITS: f32 = 32.0;
-/// Half the side of the box around a shape without end, and its bounding radius, in the shape's own lengths.
+/// Half the side of the box around a shape without end, in the shape's own lengths.
 const ENDLESS: f32 = 1.0e6;
 /// The unit of a shape without end, or without size.
 const DEFAULT_UNIT: f32 = 1.0 / UNITS;
@@ -40,15 +40,15 @@ impl Solid {
     /// What [`Shape::validate`] finds.
     pub fn new(shape: Shape) -> Result<Self, ShapeError> {
         shape.validate()?;
-        let (low, high) = match shape.extent() {
+        let extent = shape.extent();
+        let (low, high) = match extent {
             ShapeExtent::Empty => (Vec3::ZERO, Vec3::ZERO),
             ShapeExtent::Bounded(bounds) => (bounds.low, bounds.high),
             ShapeExtent::Unbounded => (Vec3::splat(-ENDLESS), Vec3::splat(ENDLESS)),
         };
         let (center, half) = ((low + high) * 0.5, (high - low) * 0.5);
-        let endless = half.max_element() >= ENDLESS;
-        let radius = if endless { ENDLESS } else { half.length().max(f32::MIN_POSITIVE) };
-        let sized = !endless && radius / UNITS >= f32::MIN_POSITIVE;
+        let radius = half.length().max(f32::MIN_POSITIVE);
+        let sized = extent != ShapeExtent::Unbounded && radius / UNITS >= f32::MIN_POSITIVE;
         let unit = if sized { radius / UNITS } else { DEFAULT_UNIT };
         // A unit more, for surfaces that lie in the faces of the box.
         let bounds = ((low - center) / unit - 1.0, (high - center) / unit + 1.0);

@@ -168,7 +168,8 @@ pub fn sphere_trace(
             (traced.t, traced.distance) = (t, signed);
         }
         if settings.meets(radius, t) {
-            traced.hit = true;
+            // Where the ray was slack it may have been nearer before.
+            (traced.hit, traced.t, traced.distance) = (true, t, signed);
             break;
         }
         step = (radius * relaxation).max(settings.least_step);

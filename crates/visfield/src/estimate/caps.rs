@@ -415,11 +415,16 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
         }
         if let Some(cones) = occluder.cones.filter(|_| occluder.source.has_cones()) {
             for lane in 0..N {
-                left[lane] *= reach[lane];
+                left[lane] *= cone_reach(&occluder.placement, positions.get(lane), settings, reach[lane]);
                 let receiver = ConeReceiver { position: positions.get(lane), normal: normals.get(lane) };
                 if left[lane] > 0.0 {
                     let hidden = directions.each_ref().map(|direction| {
-                        left[lane] * cones.edge_occlusion(&receiver, &sky_disc::<K>(direction.get(lane)), settings.bias)
+                        left[lane]
+                            * cones.edge_occlusion(
+                                &receiver,
+                                &sky_disc::<K>(direction.get(lane), settings.max_distance),
+                                settings.bias,
+                            )
                     });
                     soft.iter_mut().zip(hidden).for_each(|(soft, hidden)| soft[lane] = (soft[lane] + hidden).min(1.0));
                     occlusion[lane] = (occlusion[lane] + hidden.iter().sum::<f32>() / K as f32).min(1.0);
@@ -461,10 +466,18 @@ fn block<const N: usize, const K: usize, const SOFT: bool>(
     answers
 }
 
+/// How far an object counts of which cones see all up to the maximum distance, and nothing beyond: in the mean over that part of its
+/// depth, where `reach` is the mean over all of it.
+fn cone_reach(placement: &Placement, position: Vec3, settings: &CapSettings, reach: f32) -> f32 {
+    let nearest = ((placement.center - position).length() - placement.radius).max(0.0);
+    let depth = (2.0 * placement.radius).min(settings.max_distance - nearest);
+    if reach > 0.0 { settings.falloff.mean_weight(nearest, depth, settings.max_distance) } else { 0.0 }
+}
+
 /// One of `K` discs that fill a hemisphere.
-fn sky_disc<const K: usize>(direction: Vec3) -> ConeDisc {
+fn sky_disc<const K: usize>(direction: Vec3, distance: f32) -> ConeDisc {
     let cosine = 1.0 - 1.0 / K as f32;
-    ConeDisc { direction, tangent: (1.0 - cosine * cosine).sqrt() / cosine, distance: f32::INFINITY }
+    ConeDisc { direction, tangent: (1.0 - cosine * cosine).sqrt() / cosine, distance }
 }
 
 impl CapOccluder<'_> {

@@ -3,14 +3,14 @@
 //!
 //! Twin of `shaders/cone.wgsl`, function by function.
 
-use glam::{Affine3A, Mat3, Vec3};
+use glam::{Affine3A, Vec3};
 
 use crate::distance::DistanceField;
 use crate::distance::cone::LightCone;
 use crate::field::VisibilityField;
 use crate::field::cap_grid::cap::{CONTACT_REACH, contact_occlusion};
 use crate::field::query::Bias;
-use crate::scene::{Placement, mapped_normal};
+use crate::scene::{Placement, mapped_normal, scaled_rows};
 
 /// Reach of the differences that tell where a surface faces, in units of the distances: a voxel of a grid.
 const GRADIENT_REACH: f32 = 1.0;
@@ -93,8 +93,11 @@ impl<'a> ConeOccluder<'a> {
         let map = &self.distance_from_world;
         let along = map.transform_vector3(disc.direction);
         let length = along.length();
-        let volume = Mat3::from(map.matrix3).determinant().abs();
-        let tangent = disc.tangent * (volume / (length * length * length)).sqrt();
+        // Neither depends on the scale, whose cube would leave the range of `f32`.
+        let [x, y, z] = scaled_rows(map);
+        let shape = Vec3::new(x.dot(disc.direction), y.dot(disc.direction), z.dot(disc.direction)).length();
+        let volume = x.dot(y.cross(z)).abs();
+        let tangent = disc.tangent * (volume / (shape * shape * shape)).sqrt();
         let cone = LightCone { direction: along / length, tangent, t_light: disc.distance * length };
         (map.transform_point3(receiver.position), mapped_normal(map, receiver.normal), cone)
     }
@@ -113,8 +116,10 @@ impl<'a> ConeOccluder<'a> {
         if distance >= reach {
             return 0.0;
         }
+        // How fast the surface recedes along the normal: the gradient in that direction alone.
+        let ahead = mapped_normal(&self.distance_from_world, normal) * GRADIENT_REACH;
         let facing =
-            self.distance.gradient(local, GRADIENT_REACH).dot(mapped_normal(&self.distance_from_world, normal));
+            (self.distance.distance(local + ahead) - self.distance.distance(local - ahead)) / (2.0 * GRADIENT_REACH);
         contact_occlusion(distance, radius, facing)
     }
 }

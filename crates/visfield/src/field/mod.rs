@@ -28,8 +28,7 @@ pub use cap_grid::{CapGrid, CapGridFormat};
 pub use encoding::Encoding;
 pub use table::{ChordTable, MAX_SIDE, MAX_TABLE_BYTES, Representation, TableFormat};
 
-use crate::distance::DistanceField;
-use crate::distance::{DistanceGrid, MAX_VOXELS, MIN_VOXELS, Solid};
+use crate::distance::{DistanceField, DistanceGrid, MAX_VOXELS, MIN_VOXELS, Solid};
 use crate::shape::{Shape, ShapeError};
 use measured::Measured;
 
@@ -289,6 +288,10 @@ impl VisibilityField {
         let mesh_from_field = header.bounds.mesh_from_field();
         let distance_from_field =
             parts.distance.as_ref().map(|distance| (distance.distance_from_mesh() * mesh_from_field).as_affine3a());
+        let usable = |map: Affine3A| map.is_finite() && map.matrix3.determinant() != 0.0;
+        if !distance_from_field.is_none_or(usable) {
+            return Err(FieldError::DistanceGrid);
+        }
         Ok(Self { header, parts, distance_from_field })
     }
 

@@ -241,6 +241,12 @@ fn soften(
     }
 }
 
+// How far an object counts of which cones see all up to the maximum distance, and nothing beyond.
+fn cone_reach(to_center: vec3<f32>, radius: f32) -> f32 {
+    let nearest = max(sqrt(dot(to_center, to_center)) - radius, 0.0);
+    return mean_weight(nearest, min(2.0 * radius, frame.max_distance - nearest));
+}
+
 // Tangent of the half-angle of one of as many cones as fill a hemisphere.
 fn cone_tangent() -> f32 {
     let cosine = 1.0 - 1.0 / f32(DIRECTIONS);
@@ -314,12 +320,12 @@ fn ambient(receiver: Receiver, list: List) -> Ambient {
         if has_caps(source) {
             occlusion = caps_of(i, source, receiver, reach, &directions, &soft, &open);
         }
-        let share = share_of_cones(source, i, receiver.position) * reach;
+        let share = share_of_cones(source, i, receiver.position) * cone_reach(to_center, instances[i].radius);
         if share > 0.0 {
             let tangent = cone_tangent();
             var sum = 0.0;
             for (var k = 0u; k < DIRECTIONS; k++) {
-                let disc = ConeDisc(directions[k], tangent, ENDLESS);
+                let disc = ConeDisc(directions[k], tangent, frame.max_distance);
                 let hidden = share * edge_occlusion(cone_start(i, receiver.position, receiver.normal, disc));
                 soft[k] = min(soft[k] + hidden, 1.0);
                 sum += hidden;

@@ -5,7 +5,7 @@
 const CONE_STEPS: u32 = 32u;
 const CONE_START: f32 = 0.25;
 const CONE_LEAST_STEP: f32 = 0.02;
-const CONE_WIDEST_STEP: f32 = 2.0;
+const CONE_WIDEST_STEP: f32 = 5.0;
 const PART_RADIUS: f32 = 0.3779645;
 const RING: array<vec2<f32>, 6> = array<vec2<f32>, 6>(
     vec2<f32>(0.70710678, 0.0),
@@ -78,7 +78,7 @@ fn cone_march(source: DistanceSource, t_light: f32, bias: Bias) -> ConeMarch {
     let voxel = source.threshold / GRID_THRESHOLD;
     return ConeMarch(
         source, CONE_START * voxel, bias.height * SLACK * voxel,
-        max(bias.along * SLACK_REACH * voxel, 1.1754944e-38), min(CONE_LEAST_STEP * radius, CONE_WIDEST_STEP), center, radius, t_light,
+        max(bias.along * SLACK_REACH * voxel, LEAST_REACH), min(CONE_LEAST_STEP * radius, CONE_WIDEST_STEP), center, radius, t_light,
     );
 }
 
@@ -87,15 +87,16 @@ fn cone_start(i: u32, position: vec3<f32>, receiver_normal: vec3<f32>, disc: Con
     let rows = instances[i].distance_from_world;
     let along = transform(rows, vec4<f32>(disc.direction, 0.0));
     let along_length = length(along);
-    let volume = abs(dot(rows[0].xyz, cross(rows[1].xyz, rows[2].xyz)));
-    let tangent = disc.tangent * sqrt(volume / (along_length * along_length * along_length));
+    let scaled = scaled_rows(rows);
+    let shape = length(vec3<f32>(dot(scaled[0], disc.direction), dot(scaled[1], disc.direction), dot(scaled[2], disc.direction)));
+    let volume = abs(dot(scaled[0], cross(scaled[1], scaled[2])));
+    let tangent = disc.tangent * sqrt(volume / (shape * shape * shape));
     let normal = mapped_normal(rows, receiver_normal);
     let local = transform(rows, vec4<f32>(position, 1.0));
-    let t_light = select(disc.distance * along_length, ENDLESS, disc.distance == ENDLESS);
+    let t_light = select(disc.distance * along_length, ENDLESS, disc.distance >= ENDLESS);
     let bias = Bias(frame.bias_height, frame.bias_along);
     let march = cone_march(distance_source(instances[i].distance), t_light, bias);
-    let lift = select(clamp(-field_distance(march.source, local), 0.0, march.slack), 0.0, all(normal == vec3<f32>(0.0)));
-    return ConeStart(march, local + normal * lift, normal, LightCone(along / along_length, tangent, t_light));
+    return ConeStart(march, lifted(march.source, local, normal, march.slack), normal, LightCone(along / along_length, tangent, t_light));
 }
 
 // ConeMarch::edge_occlusion
@@ -134,7 +135,7 @@ fn cone_occlusion(at: ConeStart) -> f32 {
 }
 
 fn contact_occlusion(distance: f32, radius: f32, facing: f32) -> f32 {
-    return clamp(1.0 - distance / (CONTACT_REACH * radius), 0.0, 1.0) * (1.0 - facing) * 0.5;
+    return clamp(1.0 - distance / (CONTACT_REACH * radius), 0.0, 1.0) * (1.0 - clamp(facing, -1.0, 1.0)) * 0.5;
 }
 
 // ConeOccluder::contact
@@ -152,6 +153,7 @@ fn contact(i: u32, position: vec3<f32>, normal: vec3<f32>) -> f32 {
     if distance >= reach {
         return 0.0;
     }
-    let facing = dot(gradient(source, local, GRADIENT_REACH), mapped_normal(rows, normal));
+    let ahead = mapped_normal(rows, normal) * GRADIENT_REACH;
+    let facing = (field_distance(source, local + ahead) - field_distance(source, local - ahead)) / (2.0 * GRADIENT_REACH);
     return contact_occlusion(distance, radius, facing);
 }

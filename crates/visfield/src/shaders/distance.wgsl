@@ -29,9 +29,11 @@ const GRID_THRESHOLD: f32 = 0.05;
 // How rays ask that only ask whether something is in the way: distance/query.rs.
 const SLACK: f32 = 2.0;
 const SLACK_REACH: f32 = 4.8;
+const LEAST_REACH: f32 = 1.0e-6;
 const LEAST_STEP: f32 = 0.25;
 const MAX_STEPS: u32 = 64u;
 const RELAXATION: f32 = 1.6;
+const NO_END: f32 = 3.0e38;
 
 struct GridPlace {
     index: u32,
@@ -83,7 +85,7 @@ fn interpolate(source: DistanceSource, at: GridPlace) -> f32 {
     let along_y = along_x.xz + (along_x.yw - along_x.xz) * at.fraction.y;
     let distance = source.code_low + source.code_step * (along_y.x + (along_y.y - along_y.x) * at.fraction.z);
     let above = max(distance, 0.0);
-    return select(distance, sqrt(at.squared_beyond + above * above), at.squared_beyond > 0.0);
+    return select(sqrt(at.squared_beyond + above * above), distance, at.squared_beyond == 0.0);
 }
 
 // DistanceField::distance
@@ -122,6 +124,15 @@ fn box_segment(origin: vec3<f32>, direction: vec3<f32>, low: vec3<f32>, high: ve
     return vec2<f32>(max(max(near.x, near.y), near.z), min(min(far.x, far.y), far.z));
 }
 
+// An origin on a surface with this unit normal, lifted out of it.
+fn lifted(source: DistanceSource, origin: vec3<f32>, normal: vec3<f32>, slack: f32) -> vec3<f32> {
+    if slack <= 0.0 || all(normal == vec3<f32>(0.0)) {
+        return origin;
+    }
+    let once = origin + normal * clamp(-field_distance(source, origin), 0.0, slack);
+    return once + normal * clamp(-field_distance(source, once), 0.0, slack);
+}
+
 // DistanceField::occluded. A ray by its end in multiples of its direction; `normal` is that of the surface it leaves, or zero.
 fn distance_occluded(
     source: DistanceSource,
@@ -136,15 +147,13 @@ fn distance_occluded(
     let direction = ray_direction * (1.0 / ray_length);
     let inside = all(clamp(ray_origin, source.low, source.high) == ray_origin);
     let slack = select(0.0, bias.height * (SLACK * finer), inside);
-    var origin = ray_origin;
-    if slack > 0.0 && any(normal != vec3<f32>(0.0)) {
-        origin += normal * clamp(-field_distance(source, origin), 0.0, slack);
-        origin += normal * clamp(-field_distance(source, origin), 0.0, slack);
-    }
+    let origin = lifted(source, ray_origin, normal, slack);
     let part = box_segment(origin, direction, source.low, source.high);
+    // No product is infinite.
+    let end = select(t_max * ray_length, NO_END, t_max >= NO_END);
     let settings = SphereTracing(
         RELAXATION, true, MAX_STEPS, source.threshold, 0.0, EXHAUSTED_MISSED, 0u, false,
-        slack, bias.along * (SLACK_REACH * finer), LEAST_STEP * finer,
+        slack, max(bias.along * (SLACK_REACH * finer), LEAST_REACH), LEAST_STEP * finer,
     );
-    return sphere_trace(source, origin, direction, max(part.x, 0.0), min(part.y, t_max * ray_length), settings).hit;
+    return sphere_trace(source, origin, direction, max(part.x, 0.0), min(part.y, end), settings).hit;
 }

@@ -91,6 +91,8 @@ fn sphere_trace(
         }
         if meets(settings, radius, t) {
             traced.hit = true;
+            traced.t = t;
+            traced.distance = signed;
             break;
         }
         step = max(radius * relaxation, settings.least_step);

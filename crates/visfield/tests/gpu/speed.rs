@@ -140,7 +140,8 @@ fn caps_are_cheaper_than_rays() {
     let Some((device, queue)) = device() else { return };
     let by = compare(&Stage::new(device.clone(), queue.clone(), &["torus_knot", "supershape"]), "knots, supershapes");
     let [product, soft, _] = by;
-    assert!(product > 3.0 && soft > 3.0, "rays cost {product} and {soft} times as much");
+    // Grids have a contact term beside them, and rays from inside the bounds go through distances.
+    assert!(product > 1.8 && soft > 1.8, "rays cost {product} and {soft} times as much");
     // A chair's grid is known to be wrong inside its box, so that the frame has rays and their filter too.
     compare(&Stage::new(device, queue, &["torus_knot", "supershape", "chair"]), "with chairs");
 }

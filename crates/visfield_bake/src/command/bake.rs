@@ -237,8 +237,8 @@ fn note_limits(field: &VisibilityField, report: &mut String) {
     if field.cap_grid().is_some_and(|grid| !grid.serves_inside()) {
         _ = writeln!(
             report,
-            "  note: the cap grid is wrong inside its box; receivers there get rays where the field has a table, and may be wrong \
-             where it has none"
+            "  note: the cap grid is wrong inside its box; receivers there are answered by distances or by a table where the \
+             field has one, and may be wrong where it has neither"
         );
     }
     if let Some(reach) = field.cap_grid().map(|grid| grid.header().format.falloff.reach()) {

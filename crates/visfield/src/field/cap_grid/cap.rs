@@ -159,7 +159,7 @@ pub fn above_cutoff(occlusion: f32) -> f32 {
 /// away from that surface. The larger of this and the grid's occlusion counts. Needs a distance field.
 #[inline(always)]
 pub fn contact_occlusion(distance: f32, radius: f32, facing: f32) -> f32 {
-    (1.0 - distance / (CONTACT_REACH * radius)).clamp(0.0, 1.0) * (1.0 - facing) * 0.5
+    (1.0 - distance / (CONTACT_REACH * radius)).clamp(0.0, 1.0) * (1.0 - facing.clamp(-1.0, 1.0)) * 0.5
 }
 
 #[cfg(test)]
