@@ -6,6 +6,7 @@ mod cap_lights;
 mod cap_shapes;
 mod closed_forms;
 mod command;
+mod contact;
 mod example_assets;
 mod gpu;
 mod measure_report;
