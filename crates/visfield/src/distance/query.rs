@@ -5,7 +5,7 @@
 use glam::Vec3;
 
 use super::sphere_trace::{Exhausted, SphereTracing, Traced, sphere_trace};
-use super::{DistanceField, GRID_THRESHOLD};
+use super::{DistanceField, GRID_THRESHOLD, SHAPE_THRESHOLD};
 use crate::field::query::{Bias, Ray, finite};
 
 /// How far below a grid's threshold distances near the origin must be to count, in multiples of [`Bias::height`] and voxels: 0.3
@@ -91,7 +91,15 @@ impl DistanceField {
             from_inside: false,
             slack: bias.height * (SLACK * finer),
             slack_reach: (bias.along * (SLACK_REACH * finer)).max(LEAST_REACH),
-            least_step: LEAST_STEP * finer,
+            least_step: self.least_step(),
+        }
+    }
+
+    /// The least step of such rays: shapes may be as thin as they like, and are inflated by the threshold on both sides.
+    fn least_step(&self) -> f32 {
+        match self {
+            Self::Grid(_) => LEAST_STEP,
+            Self::Shape(_) => 1.9 * SHAPE_THRESHOLD,
         }
     }
 

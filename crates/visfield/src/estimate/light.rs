@@ -240,12 +240,18 @@ impl LightView {
         self.to_center + self.tangent * point.x + self.bitangent * point.y
     }
 
-    /// The round disc that stands for the light: as large as it shows itself, of a rectangle by the area that it shows.
-    pub fn disc(&self) -> ConeDisc {
-        let distance = self.to_center.length().max(SMALLEST_DISTANCE);
-        let area = self.tangent.cross(self.bitangent).dot(self.axis).abs() * self.areas;
+    /// The round disc that stands for the light to a surface with this unit normal: as large as it shows itself, of a rectangle by the
+    /// area that it shows. Of one whose centre is below the surface's horizon, the highest quarter stands for what is above.
+    pub fn disc(&self, normal: Vec3) -> ConeDisc {
+        let raise = |side: Vec3| side * if normal.dot(side) < 0.0 { -0.5 } else { 0.5 };
+        let below = normal.dot(self.to_center) <= 0.0;
+        let raised = self.to_center + raise(self.tangent) + raise(self.bitangent);
+        let (to_disc, share) = if below { (raised, 0.25) } else { (self.to_center, 1.0) };
+        let distance = to_disc.length().max(SMALLEST_DISTANCE);
+        let direction = to_disc / distance;
+        let area = self.tangent.cross(self.bitangent).dot(direction).abs() * self.areas * share;
         let tangent = (area.sqrt() / distance).clamp(SMALLEST_TANGENT, LARGEST_TANGENT);
-        ConeDisc { direction: self.axis, tangent, distance: if self.t_max == ENDLESS { ENDLESS } else { distance } }
+        ConeDisc { direction, tangent, distance: if self.t_max == ENDLESS { ENDLESS } else { distance } }
     }
 
     /// Whether a sphere, by its centre relative to the receiver, can block any ray towards the light.

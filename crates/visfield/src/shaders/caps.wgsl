@@ -413,7 +413,7 @@ fn light_visibility(receiver: Receiver, list: List, l: u32) -> f32 {
     if !shines_on(light, view, receiver.normal) {
         return 1.0;
     }
-    let disc = disc(view);
+    let disc = disc(view, receiver.normal);
     var visibility = 1.0;
     for (var k = 0u; k < list.count; k++) {
         let entry = entry(list, k);

@@ -153,7 +153,8 @@ fn distance_occluded(
     let end = select(t_max * ray_length, NO_END, t_max >= NO_END);
     let settings = SphereTracing(
         RELAXATION, true, MAX_STEPS, source.threshold, 0.0, EXHAUSTED_MISSED, 0u, false,
-        slack, max(bias.along * (SLACK_REACH * finer), LEAST_REACH), LEAST_STEP * finer,
+        slack, max(bias.along * (SLACK_REACH * finer), LEAST_REACH),
+        select(1.9 * source.threshold, LEAST_STEP, source.nodes == GRID),
     );
     return sphere_trace(source, origin, direction, max(part.x, 0.0), min(part.y, end), settings).hit;
 }

@@ -97,10 +97,19 @@ struct ConeDisc {
     distance: f32,
 }
 
+// Half a side of a rectangle, towards a normal.
+fn raise(side: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    return side * select(0.5, -0.5, dot(normal, side) < 0.0);
+}
+
 // The round disc that stands for a light: LightView::disc.
-fn disc(view: LightView) -> ConeDisc {
-    let distance = max(length(view.to_center), SMALLEST_DISTANCE);
-    let area = abs(dot(cross(view.tangent, view.bitangent), view.axis)) * view.areas;
+fn disc(view: LightView, normal: vec3<f32>) -> ConeDisc {
+    let below = dot(normal, view.to_center) <= 0.0;
+    let raised = view.to_center + raise(view.tangent, normal) + raise(view.bitangent, normal);
+    let to_disc = select(view.to_center, raised, below);
+    let distance = max(length(to_disc), SMALLEST_DISTANCE);
+    let direction = to_disc / distance;
+    let area = abs(dot(cross(view.tangent, view.bitangent), direction)) * view.areas * select(1.0, 0.25, below);
     let tangent = clamp(sqrt(area) / distance, SMALLEST_TANGENT, LARGEST_TANGENT);
-    return ConeDisc(view.axis, tangent, select(distance, ENDLESS, view.t_max == ENDLESS));
+    return ConeDisc(direction, tangent, select(distance, ENDLESS, view.t_max == ENDLESS));
 }

@@ -79,7 +79,7 @@ pub fn resolve(
             if !light.shines_on(&view, receiver.normal) {
                 continue;
             }
-            let (from, disc) = (receiver.cone_receiver(), view.disc());
+            let (from, disc) = (receiver.cone_receiver(), view.disc(receiver.normal));
             for (occluder, cap) in of_lights.iter().filter(|(occluder, _)| !is_spared(occluder, &receiver)) {
                 let source = light.source(occluder.field, wanted);
                 let (to_center, radius) = (cap.placement().center - receiver.position, cap.placement().radius);
