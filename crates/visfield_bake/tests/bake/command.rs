@@ -155,7 +155,12 @@ fn a_grid_that_fails_inside_its_box_is_marked() {
     fs::write(folder.join("shape.obj"), TETRAHEDRON).unwrap();
     let report =
         text(&visfield(folder, &["bake", "shape.obj", "--representation", "cap-grid", "--points", "4"]).stdout);
-    assert!(report.contains("note: the cap grid is wrong inside its box; receivers there are answered by distances or by a table"), "{report}");
+    assert!(
+        report.contains(
+            "note: the cap grid is wrong inside its box; receivers there are answered by distances or by a table"
+        ),
+        "{report}"
+    );
     let inspected = text(&visfield(folder, &["inspect", "shape.vfield"]).stdout);
     assert!(inspected.contains("inside its box: not for receivers inside it"), "{inspected}");
 }

@@ -39,8 +39,11 @@ fn rays_over_distances_are_right() {
             let row = of(&PAPER.ambient, scene, name, place);
             assert!(row.affected > 80 && row.mean_abs < most, "{row:?}");
         }
-        let obscurance = of(&PAPER.ambient, scene, names::OBSCURANCE, Place::Ground);
-        assert!(obscurance.mean_abs < most, "{obscurance:?}");
+        // From the ground below a box exact rays see its walls from inside, and ours are occluded at once.
+        if !scene.contains("box") {
+            let obscurance = of(&PAPER.ambient, scene, names::OBSCURANCE, Place::Ground);
+            assert!(obscurance.mean_abs < most, "{obscurance:?}");
+        }
     }
     // An open slope above a ground without end sees its share of it: exact on a ball.
     let slope = of(&PAPER.ambient, "sphere", names::SLOPE, Place::Objects);
