@@ -198,9 +198,9 @@ enum Codes {
 /// ```
 /// use glam::Vec3;
 /// let ball = visfield::distance::example_ball(); // of radius 1 around the origin
-/// let position = ball.header().grid_from_mesh().transform_point3(glam::DVec3::X * 1.1).as_vec3();
+/// let position = ball.header().grid_from_mesh().transform_point3(glam::DVec3::X * 1.05).as_vec3();
 /// let distance = ball.distance(position) * ball.header().voxel;
-/// assert!((distance - 0.1).abs() < 0.01);
+/// assert!((distance - 0.05).abs() < 0.01);
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct DistanceGrid {

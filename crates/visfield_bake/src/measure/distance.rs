@@ -41,7 +41,7 @@ impl Default for DistanceQuestion {
 /// let mesh = Mesh {
 ///     name: "tetrahedron".to_owned(),
 ///     positions: vec![[1.0, 1.0, 1.0], [-1.0, -1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0]],
-///     indices: vec![[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]],
+///     indices: vec![[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]],
 /// };
 /// let question = DistanceQuestion { points: 1000, ..DistanceQuestion::default() };
 /// let found = measure_distance(&mesh, &question, |_share, _doing| ())?;
